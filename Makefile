@@ -1,0 +1,66 @@
+# Two commands do everything on a fresh machine with Python 3.11+, make and git: make demo, make test.
+PYTHON ?= python3
+DEMO_SECONDS ?= 0
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+export PIP_DISABLE_PIP_VERSION_CHECK = 1
+
+# What some tests need beside Python: a third-party RTSP server, and Prometheus' own checker.
+SYSTEM_PACKAGES := prometheus python3-gi gir1.2-gst-rtsp-server-1.0 \
+	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
+
+.PHONY: help setup demo test quick lint format bench reproduce docs lock system clean
+
+help: ## this list
+	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY) ## make the virtual environment in .venv
+
+$(READY): pyproject.toml requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "lumpwatch needs Python 3.11 or newer: make PYTHON=python3.12 …"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --requirement requirements.lock
+	$(BIN)/pip install --quiet --no-deps --editable .
+	@touch $@
+
+demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself
+	$(BIN)/lumpwatch demo --seconds $(DEMO_SECONDS)
+
+test: setup system ## all tests
+	$(BIN)/pytest
+
+quick: setup ## the fast tests only
+	$(BIN)/pytest -m "not slow"
+
+lint: setup ## style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: setup ## put the code into the project's format
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: setup ## benchmarks, as ratios taken side by side
+	$(BIN)/python -m tests.benchmarks
+
+reproduce: setup ## the experiments, with tables and plots in docs/
+	$(BIN)/python -m tests.reproduction
+
+docs: setup ## the generated part of the documentation
+	$(BIN)/python -m docs.generate
+
+lock: setup ## resolve the dependencies anew
+	$(BIN)/uv pip compile --quiet pyproject.toml --group dev --all-extras --universal --python-version 3.11 \
+		--generate-hashes --no-header --no-emit-find-links --output-file requirements.lock
+
+system:
+	@if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+		dpkg -s $(SYSTEM_PACKAGES) >/dev/null 2>&1 || \
+		{ apt-get update -q && DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends $(SYSTEM_PACKAGES); } || \
+		echo "system packages could not be installed; the tests that need them say so"; \
+	else echo "not root: tests that need $(SYSTEM_PACKAGES) are skipped where these are missing"; fi
+
+clean: ## remove everything that was made
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

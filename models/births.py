@@ -1,0 +1,45 @@
+"""Where, how large, how fast and by which model a new object appears: p_b(x) and P_b(alpha)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.profile import RowProfile
+from models.roi import Image
+from models.state import VX, VY, H, Labels, States, W, X, Y, blank
+
+
+@dataclass(frozen=True, slots=True)
+class PolygonBirths:
+    """Uniform over the pixels of a polygon; velocity and size from the row profile."""
+
+    pixels: NDArray[np.int32]
+    """x and y of every pixel inside (k, 2)."""
+    profile: RowProfile
+    model_probabilities: NDArray[np.float64]
+    """P_b(alpha), (M,)."""
+
+    def draw(self, n: int, rng: np.random.Generator) -> tuple[States, Labels]:
+        """`n` newborn states and their motion models."""
+        states = blank(n)
+        chosen = self.pixels[rng.integers(len(self.pixels), size=n)]
+        states[:, X : Y + 1] = chosen + rng.random((n, 2))
+        mean, spread = self.profile.at(states[:, Y])
+        values = mean + spread * rng.standard_normal((n, 4))
+        states[:, VX : VY + 1] = values[:, :2]
+        states[:, W : H + 1] = np.exp(values[:, 2:])
+        labels = rng.choice(len(self.model_probabilities), size=n, p=self.model_probabilities)
+        return states, labels.astype(np.intp, copy=False)
+
+
+def polygon_births(
+    mask: Image, profile: RowProfile, model_probabilities: NDArray[np.float64]
+) -> PolygonBirths:
+    """Births over the pixels where `mask` (h, w) is not zero; raises ValueError for an empty mask."""
+    rows, columns = np.nonzero(mask)
+    if len(rows) == 0:
+        raise ValueError("the polygon covers no pixel")
+    return PolygonBirths(np.column_stack([columns, rows]).astype(np.int32), profile, model_probabilities)

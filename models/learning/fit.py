@@ -1,0 +1,163 @@
+"""Fitting a likelihood to boxes with and without the object.
+
+Positives are the labelled boxes, slightly moved and scaled. Negatives are boxes as the filter itself
+would try them; after each fit those that the present likelihood takes for the object most readily
+are added and the fit is repeated (hard-negative mining). With both classes weighing the same, the
+logit of a logistic regression is the log likelihood ratio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from models.births import PolygonBirths
+from models.learning.learned import HistogramFit, LumpFit
+from models.likelihood.histogram import Channel, HistogramLikelihood, histogram
+from models.likelihood.lump import FEATURES, LumpLikelihood, expand
+from models.roi import View
+from models.state import H, States, W, X, Y
+
+_JITTERED = 4
+_TRIED = 400
+_MOST_OVERLAP = 0.25
+_RIDGE = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledView:
+    """One working picture with the objects in it."""
+
+    view: View
+    objects: States
+    """States of the labelled objects (n, 8), n may be 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogisticFit:
+    """A logistic regression: logit = x @ weights + offset."""
+
+    weights: NDArray[np.float64]
+    offset: float
+
+
+def logistic(x: NDArray[np.float64], y: NDArray[np.bool_], ridge: float = _RIDGE) -> LogisticFit:
+    """Fit with both classes weighing the same and a ridge on the weights.
+
+    Raises ValueError where one class is missing.
+    """
+    if not y.any() or y.all():
+        raise ValueError("both boxes with and boxes without the object are needed")
+    weight = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
+    sign = np.where(y, 1.0, -1.0)
+
+    def loss(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        margin = sign * (x @ theta[:-1] + theta[-1])
+        value = float(weight @ np.logaddexp(0.0, -margin)) + 0.5 * ridge * float(theta[:-1] @ theta[:-1])
+        slope = -weight * sign * expit(-margin)
+        return value, np.append(x.T @ slope + ridge * theta[:-1], slope.sum())
+
+    found = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, method="L-BFGS-B", options={"maxiter": 500})
+    return LogisticFit(found.x[:-1], float(found.x[-1]))
+
+
+def fit_lump(
+    views: Sequence[LabelledView], births: PolygonBirths, rng: np.random.Generator, rounds: int = 4
+) -> LumpFit:
+    """Fit the lump likelihood; raises ValueError where no labelled box can be judged."""
+    neutral = LumpLikelihood(
+        np.zeros(len(FEATURES)), np.ones(len(FEATURES)), np.zeros(2 * len(FEATURES)), 0.0, 1.0, np.inf
+    )
+    positive, negative = [], []
+    for item in views:
+        seen = neutral.observe(item.view)
+        if len(item.objects):
+            features, valid = seen.features(_jitter(item.objects, rng))
+            positive.append(features[valid])
+        features, valid = seen.features(_elsewhere(births.draw(_TRIED // 8, rng)[0], item.objects))
+        negative.append(features[valid])
+    found, missed = np.concatenate([*positive, np.empty((0, 8))]), np.concatenate(negative)
+    if len(found) == 0:
+        raise ValueError("no labelled box lies inside the region")
+    model = _fit_features(found, missed)
+    for _ in range(rounds):
+        hard = []
+        for item in views:
+            seen = model.observe(item.view)
+            tried = _elsewhere(births.draw(_TRIED, rng)[0], item.objects)
+            features, valid = seen.features(tried)
+            score = np.where(valid, seen.score(tried), -np.inf)
+            worst = np.argsort(score)[-3:]
+            hard.append(features[worst[np.isfinite(score[worst])]])
+        missed = np.concatenate([missed, *hard])
+        model = _fit_features(found, missed)
+    return LumpFit(model.mean, model.scale, model.weights, model.offset)
+
+
+def _fit_features(found: NDArray[np.float64], missed: NDArray[np.float64]) -> LumpLikelihood:
+    both = np.concatenate([found, missed])
+    mean, scale = both.mean(axis=0), both.std(axis=0) + 1e-6
+    is_lump = np.arange(len(both)) < len(found)
+    fit = logistic(expand(both, mean, scale), is_lump)
+    return LumpLikelihood(mean, scale, fit.weights, fit.offset, 1.0, np.inf)
+
+
+def fit_histogram(
+    views: Sequence[LabelledView], births: PolygonBirths, channel: Channel, rng: np.random.Generator
+) -> HistogramFit:
+    """Fit reference histogram, offset and slope; raises ValueError where no labelled box is usable."""
+    uniform = HistogramLikelihood(np.full(16, 1 / 16), 0.0, 1.0, 1.0, np.inf, channel)
+    references = []
+    for item in views:
+        seen = uniform.observe(item.view)
+        references += [histogram(seen.integral, state) for state in item.objects]
+    usable = [reference for reference in references if reference.sum() > 0]
+    if not usable:
+        raise ValueError("no labelled box lies inside the region")
+    reference = np.mean(usable, axis=0)
+    reference = 0.99 * reference / reference.sum() + 0.01 / 16  # no bin is impossible
+    compare = HistogramLikelihood(reference, 0.0, 1.0, 1.0, np.inf, channel)
+    near, far = [], []
+    for item in views:
+        seen = compare.observe(item.view)
+        if len(item.objects):
+            near.append(seen.distance(_jitter(item.objects, rng)))
+        far.append(seen.distance(_elsewhere(births.draw(_TRIED // 8, rng)[0], item.objects)))
+    distance = np.concatenate([*near, *far])
+    is_object = np.arange(len(distance)) < sum(map(len, near))
+    usable_box = distance < 1.0
+    # One feature of small scale: a ridge would only flatten the slope.
+    fit = logistic(distance[usable_box, None], is_object[usable_box], ridge=1e-5)
+    return HistogramFit(reference, fit.offset, float(-fit.weights[0]), channel)
+
+
+def _jitter(objects: States, rng: np.random.Generator) -> States:
+    """Each object a few times, moved and scaled by a few percent of its size."""
+    moved = np.repeat(objects, _JITTERED, axis=0)
+    n = len(moved)
+    moved[:, X : Y + 1] += 0.06 * moved[:, W : H + 1] * rng.standard_normal((n, 2))
+    moved[:, W : H + 1] *= np.exp(0.08 * rng.standard_normal((n, 2)))
+    return moved
+
+
+def _elsewhere(states: States, objects: States) -> States:
+    """The states whose box overlaps no object by more than a quarter (intersection over union)."""
+    if len(objects) == 0:
+        return states
+    return states[_overlap(states, objects).max(axis=1) < _MOST_OVERLAP]
+
+
+def _overlap(a: States, b: States) -> NDArray[np.float64]:
+    """Intersection over union of all pairs of boxes (n, m)."""
+    half_a, half_b = a[:, None, W : H + 1] / 2, b[None, :, W : H + 1] / 2
+    centre_a, centre_b = a[:, None, X : Y + 1], b[None, :, X : Y + 1]
+    low = np.maximum(centre_a - half_a, centre_b - half_b)
+    high = np.minimum(centre_a + half_a, centre_b + half_b)
+    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
+    areas = (a[:, W] * a[:, H])[:, None] + (b[:, W] * b[:, H])[None, :]
+    return common / np.maximum(areas - common, 1e-9)

@@ -1,0 +1,62 @@
+"""What training finds out about one region: the content of a prior.
+
+Lengths are in ROI heights, so that a prior holds for any working size of the same region.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.density import GridDensity
+from models.likelihood.histogram import Channel
+from models.profile import RowProfile
+
+
+@dataclass(frozen=True, slots=True)
+class LumpFit:
+    """Fitted numbers of the lump likelihood; see `LumpLikelihood`."""
+
+    mean: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class HistogramFit:
+    """Fitted numbers of the histogram likelihood; see `HistogramLikelihood`."""
+
+    reference: NDArray[np.float64]
+    offset: float
+    slope: float
+    channel: Channel
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """Everything that training learned for one region."""
+
+    models: tuple[str, ...]
+    """Names of the motion models, in the order of all arrays below."""
+    rates: NDArray[np.float64]
+    """Acceleration of each model, ROI heights / s^2 (M, 2)."""
+    velocity_noise: NDArray[np.float64]
+    """Spread of the velocity that gathers in one second, ROI heights / s (M,)."""
+    joint: NDArray[np.float64]
+    """P(alpha_{t-1}, alpha_t), Eq. 13 (M, M)."""
+    interval_s: float
+    """Frame interval for which `joint` holds."""
+    density: GridDensity
+    """p(x_{t-1} | alpha_t), Eq. 14, over lengths in ROI heights."""
+    births: NDArray[np.float64]
+    """P_b(alpha) (M,)."""
+    profile: RowProfile
+    """Velocity and size by row, in ROI heights."""
+    likelihood: LumpFit | HistogramFit
+    label_counts: NDArray[np.int64]
+    """Training steps of each model (M,)."""
+    tracks: int
+    """Labelled objects that were used."""

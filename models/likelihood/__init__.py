@@ -1,0 +1,10 @@
+"""Likelihoods: from a picture to the log likelihood ratio of a state (paper 1, Eq. 15).
+
+A likelihood looks at the picture once (`observe`) and is then asked about any number of states.
+"""
+
+from models.likelihood.base import Likelihood, Observation
+from models.likelihood.histogram import HistogramLikelihood
+from models.likelihood.lump import LumpLikelihood
+
+__all__ = ["HistogramLikelihood", "Likelihood", "LumpLikelihood", "Observation"]

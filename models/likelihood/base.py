@@ -1,0 +1,60 @@
+"""The protocols of a likelihood, and what its kinds share."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from models.roi import View
+from models.state import States
+
+LEAST_INSIDE = 0.75
+"""A box with a smaller share of its area inside the polygon cannot be an object."""
+
+
+class Observation(Protocol):
+    """One picture, ready to be asked."""
+
+    def log_ratio(self, states: States) -> NDArray[np.float64]:
+        """Log p(Z | x, E = 1) / p(Z | E = 0) of the states (n, 8), as (n,)."""
+
+
+class Likelihood(Protocol):
+    """Turns a picture into an observation."""
+
+    def observe(self, view: View) -> Observation:
+        """Look at the picture once. The observation holds until the next call."""
+
+
+def bounded(log_ratio: NDArray[np.float64], evidence: float, bound: float) -> NDArray[np.float64]:
+    """Temper and clip a frame's log likelihood ratio, so that one frame alone never decides."""
+    return np.clip(evidence * log_ratio, -bound, bound)
+
+
+@njit(cache=True)
+def box_sum(integral, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+    """Sum over [x0, x1) x [y0, y1) from an integral image (h + 1, w + 1)."""
+    return integral[y1, x1] - integral[y0, x1] - integral[y1, x0] + integral[y0, x0]
+
+
+@njit(cache=True)
+def box_edges(state, scale, width, height):  # type: ignore[no-untyped-def]
+    """Integer edges x0, y0, x1, y1 of a state's box, `scale` times as large, clipped to the picture."""
+    half_w, half_h = 0.5 * scale * state[6], 0.5 * scale * state[7]
+    x0 = min(max(int(np.floor(state[0] - half_w + 0.5)), 0), width)
+    x1 = min(max(int(np.floor(state[0] + half_w + 0.5)), 0), width)
+    y0 = min(max(int(np.floor(state[1] - half_h + 0.5)), 0), height)
+    y1 = min(max(int(np.floor(state[1] + half_h + 0.5)), 0), height)
+    return x0, y0, x1, y1
+
+
+@njit(cache=True)
+def inside_share(inside, state):  # type: ignore[no-untyped-def]
+    """Share of a state's box, clipped parts counted as outside, that lies in the polygon."""
+    height, width = inside.shape[0] - 1, inside.shape[1] - 1
+    x0, y0, x1, y1 = box_edges(state, 1.0, width, height)
+    area = max(state[6] * state[7], 1.0)
+    return min(box_sum(inside, x0, y0, x1, y1) / area, 1.0)

@@ -1,0 +1,92 @@
+"""How objects look and move at each row of the picture.
+
+A camera looks along the belt: the same lump is larger and faster near the camera. The profile holds
+mean and spread of velocity and of log size by row, learned from labelled boxes by a kernel average
+over rows, or a stated default that knows nothing. Newborn particles take their size and velocity
+from it, and a moving particle keeps its size relative to it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.state import VX, VY, H, States, W, Y
+
+_QUANTITIES = 4  # vx, vy, log width, log height
+
+
+@dataclass(frozen=True, slots=True)
+class RowProfile:
+    """Mean and standard deviation of (vx, vy, log w, log h) on regularly spaced rows."""
+
+    first_row: float
+    row_step: float
+    mean: NDArray[np.float64]
+    """(rows, 4)"""
+    spread: NDArray[np.float64]
+    """(rows, 4)"""
+
+    def at(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
+        last = len(self.mean) - 1
+        position = np.clip((rows - self.first_row) / self.row_step, 0.0, last)
+        low = np.minimum(position.astype(np.intp), max(last - 1, 0))
+        high = np.minimum(low + 1, last)
+        part = (position - low)[:, None]
+        return (
+            self.mean[low] * (1 - part) + self.mean[high] * part,
+            self.spread[low] * (1 - part) + self.spread[high] * part,
+        )
+
+    def follow(self, before: States, after: States) -> None:
+        """Scale the size of the moved particles by how the expected size changes with the row (in place)."""
+        old, _ = self.at(before[:, Y])
+        new, _ = self.at(after[:, Y])
+        after[:, W : H + 1] *= np.exp(np.clip(new[:, 2:] - old[:, 2:], -0.7, 0.7))
+
+    def scaled(self, factor: float) -> RowProfile:
+        """The profile for a picture scaled by `factor`."""
+        mean, spread = self.mean.copy(), self.spread.copy()
+        mean[:, :2] *= factor
+        spread[:, :2] *= factor
+        mean[:, 2:] += np.log(factor)
+        return RowProfile(self.first_row * factor, self.row_step * factor, mean, spread)
+
+
+def default_profile(height: float, smallest: float, largest: float, speed: float) -> RowProfile:
+    """A profile that does not depend on the row.
+
+    Widths and heights are spread around the geometric mean of `smallest` and `largest` (px) so that
+    those lie two standard deviations out; velocities around zero along x and half of `speed` (px/s)
+    downwards, with `speed` two standard deviations above zero.
+    """
+    middle = 0.5 * (np.log(smallest) + np.log(largest))
+    width = 0.25 * (np.log(largest) - np.log(smallest))
+    mean = np.array([[0.0, 0.5 * speed, middle, middle]])
+    spread = np.array([[0.1 * speed, 0.5 * speed, width, width]])
+    return RowProfile(0.0, max(height, 1.0), np.repeat(mean, 2, axis=0), np.repeat(spread, 2, axis=0))
+
+
+def learn_profile(states: States, height: float, least_log_size_spread: float = 0.1) -> RowProfile:
+    """The profile of training states (n, 8) in a picture of `height` rows, by a kernel average over rows.
+
+    The bandwidth is a tenth of the height. Spreads are widened by a tenth of the mean speed, so that
+    an object somewhat faster than all examples can still be born. Raises ValueError without states.
+    """
+    if len(states) == 0:
+        raise ValueError("no training states: a row profile needs at least one")
+    rows = np.linspace(0.0, height, 17)
+    values = np.column_stack([states[:, VX], states[:, VY], np.log(states[:, W]), np.log(states[:, H])])
+    log_kernel = -0.5 * ((rows[:, None] - states[None, :, Y]) / (0.1 * height)) ** 2
+    kernel = np.exp(log_kernel - log_kernel.max(axis=1, keepdims=True))
+    kernel /= kernel.sum(axis=1, keepdims=True)
+    mean = kernel @ values
+    variance = np.maximum(kernel @ values**2 - mean**2, 0.0)
+    floor = np.array([0.0, 0.0, least_log_size_spread, least_log_size_spread])
+    margin = np.column_stack([np.repeat(0.1 * np.hypot(mean[:, 0], mean[:, 1])[:, None], 2, axis=1)])
+    spread = np.maximum(np.sqrt(variance), floor)
+    spread[:, :2] += margin + 1e-3 * height
+    return RowProfile(0.0, float(rows[1]), mean, spread)

@@ -1,0 +1,1 @@
+"""The lumpwatch daemon: sources, bus, pipeline, alarms, store and telemetry around `models`."""

@@ -1,0 +1,1 @@
+"""The bus: zenoh key expressions, codecs and sessions. No other package imports zenoh."""

@@ -1,0 +1,159 @@
+"""Frames on the wire: pixels as payload, everything else as a JSON header in the attachment.
+
+The header (version 1) is `{"v": 1, "clock": str, "seq": int, "capture_ns": int, "received_ns": int,
+"wall_ns": int, "size": [w, h], "crop": [x, y, w, h] | null, "encoding": "gray8" | "i420" | "bgr8" |
+"jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...]}`. `encoding` is that of the payload,
+`pixels` and `shape` those of the array that comes out of decoding. `clock` names the monotonic clock
+of `capture_ns` and `received_ns`: under another name they cannot be compared with one's own clock.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Annotated, Final, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+
+from service.bus import jpeg
+from service.bus.errors import Malformation, MalformedMessage
+from service.frames import Encoding, Frame
+
+WireEncoding = Literal["raw", "jpeg"]
+
+MAX_SIDE: Final = 16_384
+MAX_HEADER_BYTES: Final = 4_096
+_NS: Final = 1_000_000_000
+
+_Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
+_Offset = Annotated[int, Field(ge=0, lt=MAX_SIDE)]
+_Length = Annotated[int, Field(ge=1, le=2 * MAX_SIDE)]
+_Nanoseconds = Annotated[int, Field(gt=-(2**63), lt=2**63)]
+
+
+class FrameHeader(BaseModel):
+    """The attachment of a frame; sizes in pixels, times in integer nanoseconds."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    v: Literal[1]
+    clock: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+    seq: Annotated[int, Field(ge=0, lt=2**63)]
+    capture_ns: _Nanoseconds
+    received_ns: _Nanoseconds
+    wall_ns: _Nanoseconds
+    size: tuple[_Side, _Side]
+    crop: tuple[_Offset, _Offset, _Side, _Side] | None
+    encoding: Literal["gray8", "i420", "bgr8", "jpeg"]
+    pixels: Encoding
+    shape: Annotated[tuple[_Length, ...], Field(min_length=2, max_length=3)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.encoding not in (self.pixels, "jpeg"):
+            raise ValueError("encoding and pixels differ")
+        x, y, w, h = self.crop or (0, 0, *self.size)
+        if x + w > self.size[0] or y + h > self.size[1]:
+            raise ValueError("the crop is outside the picture")
+        if self.shape != _shape(self.pixels, w, h):
+            raise ValueError("the shape is not that of the pixels")
+        return self
+
+    @property
+    def window_size(self) -> tuple[int, int]:
+        """Width and height of the part of the picture that travels."""
+        return self.crop[2:] if self.crop else self.size
+
+    def check_length(self, length: int) -> None:
+        """Raise MalformedMessage when a payload of so many bytes cannot be that of this header."""
+        if length == 0 or (self.encoding != "jpeg" and length != math.prod(self.shape)):
+            raise MalformedMessage(Malformation.BAD_LENGTH)
+
+
+def encode_frame(frame: Frame, clock: str) -> tuple[bytes, bytes]:
+    """Payload (raw pixels) and attachment; ValueError for a frame that contradicts itself."""
+    return frame.data.tobytes(), _header(frame, clock, frame.encoding)
+
+
+def encode_jpeg(frame: Frame, quality: int, clock: str) -> tuple[bytes, bytes]:
+    """Payload (JPEG, quality 1 to 100) and attachment; ValueError for a frame that contradicts itself."""
+    header = _header(frame, clock, "jpeg")
+    return jpeg.encode(frame.data, frame.encoding, quality), header
+
+
+def decode_header(attachment: bytes) -> FrameHeader:
+    """The checked header; raises MalformedMessage, never anything else."""
+    if not attachment:
+        raise MalformedMessage(Malformation.NO_HEADER)
+    if len(attachment) > MAX_HEADER_BYTES:
+        raise MalformedMessage(Malformation.HEADER_TOO_LONG)
+    try:
+        return FrameHeader.model_validate_json(attachment)
+    except ValidationError as error:
+        raise MalformedMessage(_reason(error)) from error
+
+
+def decode_frame(payload: bytes, attachment: bytes) -> Frame:
+    """The frame; raises MalformedMessage, never anything else. Raw pixels are a read-only view of payload."""
+    return decode_pixels(payload, decode_header(attachment))
+
+
+def decode_pixels(payload: bytes, header: FrameHeader) -> Frame:
+    """The frame of a header that was already checked; raises MalformedMessage."""
+    header.check_length(len(payload))
+    if header.encoding == "jpeg":
+        data = jpeg.decode(payload, header.pixels, *header.window_size)
+    else:
+        data = np.frombuffer(payload, np.uint8).reshape(header.shape)
+    return Frame(
+        seq=header.seq,
+        capture_s=header.capture_ns / _NS,
+        received_s=header.received_ns / _NS,
+        wall_s=header.wall_ns / _NS,
+        width=header.size[0],
+        height=header.size[1],
+        encoding=header.pixels,
+        data=data,
+        crop=header.crop,
+    )
+
+
+def _header(frame: Frame, clock: str, encoding: str) -> bytes:
+    _, _, w, h = frame.window
+    if frame.data.dtype != np.uint8 or frame.data.shape != _shape(frame.encoding, w, h):
+        raise ValueError(
+            f"frame {frame.seq}: data of shape {frame.data.shape} is not {frame.encoding} of {w}x{h}"
+        )
+    header = {
+        "v": 1,
+        "clock": clock,
+        "seq": frame.seq,
+        "capture_ns": round(frame.capture_s * _NS),
+        "received_ns": round(frame.received_s * _NS),
+        "wall_ns": round(frame.wall_s * _NS),
+        "size": (frame.width, frame.height),
+        "crop": frame.crop,
+        "encoding": encoding,
+        "pixels": frame.encoding,
+        "shape": frame.data.shape,
+    }
+    return json.dumps(header, separators=(",", ":")).encode()
+
+
+def _reason(error: ValidationError) -> Malformation:
+    problems = [(p["loc"][:1], p["type"]) for p in error.errors(include_url=False, include_context=False)]
+    if (("v",), "literal_error") in problems:
+        return Malformation.UNKNOWN_VERSION
+    if all(where in (("size",), ("crop",), ("shape",)) or kind == "value_error" for where, kind in problems):
+        return Malformation.BAD_SHAPE
+    return Malformation.BAD_HEADER
+
+
+def _shape(pixels: Encoding, width: int, height: int) -> tuple[int, ...] | None:
+    """Shape of the array of a picture of this size; None where the encoding cannot have it."""
+    if pixels == "gray8":
+        return height, width
+    if pixels == "bgr8":
+        return height, width, 3
+    return (height * 3 // 2, width) if width % 2 == 0 == height % 2 else None

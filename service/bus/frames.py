@@ -1,0 +1,132 @@
+"""Frames on the bus: a publisher that drops rather than waits, and an inbox that holds the newest only."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from typing import cast
+
+import zenoh
+
+from service.bus import codec
+from service.bus.errors import BusClosed, Malformation, MalformedMessage
+from service.bus.link import Handle
+from service.frames import Frame
+
+
+class FramePublisher(Handle):
+    """Publishes the frames of one camera; made by `Bus.frame_publisher`."""
+
+    def __init__(
+        self, frames: zenoh.Publisher, pictures: zenoh.Publisher | None, clock: str, jpeg_quality: int
+    ) -> None:
+        super().__init__()
+        self._frames = frames
+        self._pictures = pictures
+        self._clock = clock
+        self._quality = jpeg_quality
+
+    @property
+    def picture_wanted(self) -> bool:
+        """Whether anyone listens to the JPEG key now."""
+        if self._pictures is None:
+            return False
+        # The stubs say bool, but it is an object that is always true.
+        return cast("zenoh.MatchingStatus", self._pictures.matching_status).matching
+
+    def publish(
+        self, frame: Frame, wire_encoding: codec.WireEncoding = "raw", picture: Frame | None = None
+    ) -> None:
+        """Send the frame, and where someone listens to the JPEG key `picture` (default: the frame) as JPEG.
+
+        Never waits for a slow receiver. Raises ValueError for a frame that contradicts itself and
+        BusClosed when the bus is closed.
+        """
+        try:
+            if wire_encoding == "raw":
+                payload, header = codec.encode_frame(frame, self._clock)
+            else:
+                payload, header = codec.encode_jpeg(frame, self._quality, self._clock)
+            self._frames.put(payload, attachment=header)
+            if self._pictures is not None and self.picture_wanted:
+                if picture is not None or wire_encoding == "raw":
+                    payload, header = codec.encode_jpeg(picture or frame, self._quality, self._clock)
+                self._pictures.put(payload, attachment=header)
+        except zenoh.ZError as error:
+            raise BusClosed("bus: closed while a frame was published") from error
+
+
+class FrameInbox(Handle):
+    """The newest frame of a key; made by `Bus.frame_inbox`. Meant for one consumer.
+
+    Older frames are overwritten unseen (`skipped`), malformed ones are counted by reason and dropped.
+    A payload is copied and decoded only when it is taken.
+    """
+
+    def __init__(self, clock: str) -> None:
+        super().__init__()
+        self.skipped = 0
+        """Frames overwritten before they were taken."""
+        self.malformed: Counter[Malformation] = Counter()
+        """Messages dropped, by reason."""
+        self.same_clock: bool | None = None
+        """Whether the last frame's times are on the monotonic clock of this host; None before the first."""
+        self.through_shared_memory: bool | None = None
+        """Whether the last frame came through shared memory; None before the first."""
+        self._clock = clock
+        self._slot: zenoh.Sample | None = None
+        self._closed = False
+        self._changed = threading.Condition()
+
+    def take(self, timeout_s: float) -> Frame | None:
+        """Wait for the newest frame that was not taken yet; None after `timeout_s`; BusClosed when closed."""
+        deadline = time.monotonic() + timeout_s
+        while (sample := self._next(deadline)) is not None:
+            try:
+                return self._decode(sample)
+            except MalformedMessage as error:
+                self.malformed[error.reason] += 1
+        return None
+
+    def close(self) -> None:
+        """Stop listening and wake the consumer; idempotent."""
+        with self._changed:
+            self._closed = True
+            self._slot = None
+            self._changed.notify_all()
+        super().close()
+
+    def receive(self, sample: zenoh.Sample) -> None:
+        """Take a sample in (for the bus only): in a network thread nothing but a swap may happen."""
+        with self._changed:
+            if self._closed:
+                return
+            self.skipped += self._slot is not None
+            self._slot = sample
+            self._changed.notify()
+
+    def _next(self, deadline: float) -> zenoh.Sample | None:
+        with self._changed:
+            while self._slot is None and not self._closed:
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    return None
+                self._changed.wait(left)
+            if self._closed:
+                raise BusClosed("bus: closed while waiting for a frame")
+            sample, self._slot = self._slot, None
+            return sample
+
+    def _decode(self, sample: zenoh.Sample) -> Frame:
+        attachment = sample.attachment
+        if attachment is None:
+            raise MalformedMessage(Malformation.NO_HEADER)
+        if len(attachment) > codec.MAX_HEADER_BYTES:
+            raise MalformedMessage(Malformation.HEADER_TOO_LONG)
+        header = codec.decode_header(attachment.to_bytes())
+        header.check_length(len(sample.payload))
+        frame = codec.decode_pixels(sample.payload.to_bytes(), header)
+        self.same_clock = header.clock == self._clock
+        self.through_shared_memory = sample.payload.as_shm() is not None
+        return frame

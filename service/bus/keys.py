@@ -1,0 +1,135 @@
+"""The key expressions of the bus, built and taken apart. Version 1 of the contract."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+_ROOT = "lumpwatch/v1"
+_CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}")
+
+
+class Kind(StrEnum):
+    """What a key carries."""
+
+    FRAME = "frame"
+    JPEG = "frame/jpeg"
+    HEARTBEAT = "heartbeat"
+    STATE = "state"
+    ALARM = "alarm"
+    ACK = "ack"
+    PRIOR = "prior"
+    ALIVE = "@alive"
+
+
+_OF_CAMERA = frozenset({Kind.FRAME, Kind.JPEG, Kind.HEARTBEAT})
+_OF_ROI = frozenset({Kind.STATE, Kind.ALARM, Kind.ACK, Kind.PRIOR})
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """The parts of a key; those that its kind does not have are empty."""
+
+    site: str
+    kind: Kind
+    camera: str = ""
+    roi: str = ""
+    role: str = ""
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys of one site. All methods raise ValueError for a name that cannot be part of a key."""
+
+    site: str
+
+    def __post_init__(self) -> None:
+        _chunk(self.site)
+
+    def frame(self, camera: str) -> str:
+        """Frames as the monitor uses them."""
+        return self._of_camera(camera, Kind.FRAME)
+
+    def jpeg(self, camera: str) -> str:
+        """Whole pictures as JPEG, for people."""
+        return self._of_camera(camera, Kind.JPEG)
+
+    def heartbeat(self, camera: str) -> str:
+        """Signs of life of the camera process."""
+        return self._of_camera(camera, Kind.HEARTBEAT)
+
+    def state(self, camera: str, roi: str) -> str:
+        """State of the ROI, one message a frame."""
+        return self._of_roi(camera, roi, Kind.STATE)
+
+    def alarm(self, camera: str, roi: str) -> str:
+        """Transitions of the ROI's alarm."""
+        return self._of_roi(camera, roi, Kind.ALARM)
+
+    def ack(self, camera: str, roi: str) -> str:
+        """Query that acknowledges the ROI's alarm."""
+        return self._of_roi(camera, roi, Kind.ACK)
+
+    def prior(self, camera: str, roi: str) -> str:
+        """Query for the prior that the ROI uses."""
+        return self._of_roi(camera, roi, Kind.PRIOR)
+
+    def alive(self, role: str, name: str) -> str:
+        """Liveliness token of a process."""
+        return f"{self._root}/{Kind.ALIVE}/{_chunk(role)}/{_chunk(name)}"
+
+    def frames(self) -> str:
+        """Selector: the frames of all cameras."""
+        return f"{self._root}/*/{Kind.FRAME}"
+
+    def heartbeats(self) -> str:
+        """Selector: the heartbeats of all cameras."""
+        return f"{self._root}/*/{Kind.HEARTBEAT}"
+
+    def states(self) -> str:
+        """Selector: the states of all ROIs."""
+        return f"{self._root}/*/*/{Kind.STATE}"
+
+    def alarms(self) -> str:
+        """Selector: the alarms of all ROIs."""
+        return f"{self._root}/*/*/{Kind.ALARM}"
+
+    def everyone_alive(self) -> str:
+        """Selector: the liveliness tokens of all processes (a plain `**` does not match them)."""
+        return f"{self._root}/{Kind.ALIVE}/**"
+
+    @property
+    def _root(self) -> str:
+        return f"{_ROOT}/{self.site}"
+
+    def _of_camera(self, camera: str, kind: Kind) -> str:
+        return f"{self._root}/{_chunk(camera)}/{kind}"
+
+    def _of_roi(self, camera: str, roi: str, kind: Kind) -> str:
+        return f"{self._root}/{_chunk(camera)}/{_chunk(roi)}/{kind}"
+
+
+def parse(key: str) -> Address:
+    """Take a key (not a selector) apart; raises ValueError for a key that is not of this contract."""
+    prefix = f"{_ROOT}/"
+    parts = key.removeprefix(prefix).split("/")
+    if not key.startswith(prefix) or not 3 <= len(parts) <= 4:
+        raise ValueError(f"'{key}' is not a key of {_ROOT}")
+    site = _chunk(parts[0])
+    if parts[1] == Kind.ALIVE and len(parts) == 4:
+        return Address(site, Kind.ALIVE, role=_chunk(parts[2]), name=_chunk(parts[3]))
+    camera = _chunk(parts[1])
+    tail = "/".join(parts[2:])
+    if tail in _OF_CAMERA:
+        return Address(site, Kind(tail), camera)
+    if len(parts) == 4 and parts[3] in _OF_ROI:
+        return Address(site, Kind(parts[3]), camera, roi=_chunk(parts[2]))
+    raise ValueError(f"'{key}' is not a key of {_ROOT}")
+
+
+def _chunk(name: str) -> str:
+    if not _CHUNK.fullmatch(name):
+        raise ValueError(f"'{name}' cannot be part of a bus key")
+    return name

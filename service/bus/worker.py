@@ -1,0 +1,60 @@
+"""A daemon thread that runs jobs in order, so that user code never runs in zenoh's own threads.
+
+zenoh's callback threads are not daemons and keep the interpreter from exiting while a session is open;
+callbacks run directly by its network threads stall the whole session. So its callbacks only submit.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+
+_log = logging.getLogger(__name__)
+
+Job = Callable[[], None]
+
+
+class Worker:
+    """Runs jobs one after another; when more than `limit` wait, the oldest is dropped and counted."""
+
+    def __init__(self, name: str, limit: int = 4096) -> None:
+        self.dropped = 0
+        self._name = name
+        self._jobs: deque[Job] = deque(maxlen=limit)
+        self._wake = threading.Condition()
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Queue a job; ignored once closed."""
+        with self._wake:
+            if self._closed:
+                return
+            full = len(self._jobs) == self._jobs.maxlen
+            self.dropped += full
+            self._jobs.append(job)
+            self._wake.notify()
+        if full and self.dropped == 1:
+            _log.error("%s: the callback is too slow, messages are dropped", self._name)
+
+    def close(self) -> None:
+        """Forget waiting jobs and end after the running one; does not wait for it."""
+        with self._wake:
+            self._closed = True
+            self._jobs.clear()
+            self._wake.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._jobs or self._closed)
+                if self._closed:
+                    return
+                job = self._jobs.popleft()
+            try:
+                job()
+            except Exception:
+                _log.exception("%s: the callback failed", self._name)

@@ -1,0 +1,116 @@
+"""The camera process: source -> frames on the bus."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from dataclasses import replace
+from multiprocessing.connection import Connection
+
+import numpy as np
+from prometheus_client import CollectorRegistry
+
+from service.bus.errors import BusClosed
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.config import CameraConfig, SiteConfig
+from service.frames import Frame
+from service.link import WorkerLink
+from service.logs import log_to_stderr
+from service.sources.base import Fault
+from service.sources.make import make_source
+from service.sources.reconnect import Reconnecting
+from service.telemetry.metrics import CameraMetrics
+
+log = logging.getLogger(__name__)
+
+
+def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> None:
+    """Read frames and publish them until told to stop; the entry point of the process."""
+    log_to_stderr()
+    registry = CollectorRegistry()
+    link = WorkerLink(connection, registry)
+    camera = config.camera(camera_id)
+    metrics = CameraMetrics(registry, camera_id)
+    keys = Keys(config.site)
+    try:
+        with open_client(config.bus, link.stop) as bus:
+            publisher = bus.frame_publisher(
+                keys.frame(camera_id), keys.jpeg(camera_id), camera.wire.jpeg_quality
+            )
+            bus.alive(keys.alive("camera", camera_id))
+            source = Reconnecting(
+                make_source(
+                    camera.source,
+                    camera_id,
+                    "i420" if camera.needs_colour else "gray8",
+                    count=metrics.dropped,
+                    sleep=link.wait,
+                ),
+                camera.source.backoff,
+                link.stop,
+                _Watcher(metrics, link),
+                np.random.default_rng(),  # jitter only: nothing that must be repeatable
+                link.wait,
+            )
+            link.state = "connecting"
+            while (frame := _read(source, link, metrics)) is not None:
+                started = time.perf_counter()
+                whole = frame if publisher.picture_wanted else None
+                publisher.publish(cropped(frame, camera), camera.wire.encoding, whole)
+                metrics.stage("publish", "", time.perf_counter() - started)
+            if not link.stop.is_set():
+                log.warning("camera %s: %s has ended", camera_id, camera.source.redacted)
+                metrics.failed(Fault.ENDED)
+                link.state = "ended"
+                while not link.wait(60.0):
+                    pass
+            source.close()
+    except BusClosed:
+        pass  # told to stop before the hub was there
+    finally:
+        link.close()
+
+
+def _read(source: Reconnecting, link: WorkerLink, metrics: CameraMetrics) -> Frame | None:
+    link.beat()
+    frame = source.read()
+    if frame is not None:
+        metrics.received(frame.wall_s)
+        metrics.stage("receive", "", max(0.0, time.monotonic() - frame.received_s))
+    return frame
+
+
+def cropped(frame: Frame, camera: CameraConfig) -> Frame:
+    """The part of a luma frame that the ROIs look at; other encodings stay whole."""
+    if frame.encoding != "gray8" or frame.crop is not None:
+        return frame
+    corners = np.array([point for roi in camera.rois for point in roi.polygon])
+    x0, y0 = (math.floor(v) for v in corners.min(axis=0) * (frame.width, frame.height))
+    x1, y1 = (math.ceil(v) for v in corners.max(axis=0) * (frame.width, frame.height))
+    if (x1 - x0, y1 - y0) == (frame.width, frame.height):
+        return frame
+    return replace(frame, data=frame.data[y0:y1, x0:x1], crop=(x0, y0, x1 - x0, y1 - y0))
+
+
+class _Watcher:
+    """What happens to the connection, for metrics and the daemon."""
+
+    def __init__(self, metrics: CameraMetrics, link: WorkerLink) -> None:
+        self._metrics = metrics
+        self._link = link
+
+    def attempt(self) -> None:
+        self._metrics.attempt()
+        self._link.state = "connecting"
+
+    def connected(self) -> None:
+        self._metrics.connected()
+        self._link.state = "running"
+
+    def failed(self, fault: Fault) -> None:
+        self._metrics.failed(fault)
+        self._link.state = "waiting"
+
+    dropped = failed

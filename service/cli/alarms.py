@@ -1,0 +1,126 @@
+"""`lumpwatch alarms`: follow the alarm topic, or acknowledge an alarm."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.common import Commands, add_command, stop_on_signals
+from service.config import load
+from service.config.bus import BusConfig
+from service.errors import LumpwatchError
+from service.messages import AlarmEvent, StateMessage
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "alarms",
+        alarms,
+        "Follow the alarms of a running daemon: past ones that it still holds, the present states, and "
+        "whatever comes.",
+        "lumpwatch alarms site.yaml --json",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("--json", action="store_true", help="print the records as they are, one a line")
+    parser.add_argument("--count", type=int, metavar="N", help="end after N alarm records")
+    parser.add_argument(
+        "--ack", metavar="CAMERA/ROI", help="acknowledge the alarm of this ROI instead of following"
+    )
+    parser.add_argument("--actor", default="", metavar="NAME", help="who acknowledges (with --ack)")
+
+
+def as_client(bus: BusConfig) -> BusConfig:
+    """How an outsider on this host joins the daemon's bus."""
+    return bus.model_copy(update={"mode": "client", "connect": bus.hub, "listen": ()})
+
+
+def alarms(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    keys = Keys(config.site)
+    stop = stop_on_signals()
+    with open_client(as_client(config.bus), stop, wait=False) as bus:
+        if arguments.ack:
+            return _acknowledge(bus.ask, keys, arguments.ack, arguments.actor)
+        done = threading.Event()
+        seen = 0
+        lock = threading.Lock()
+
+        def on_alarm(key: str, payload: bytes) -> None:
+            nonlocal seen
+            with lock:
+                if done.is_set():
+                    return
+                _print(payload.decode(errors="replace") if arguments.json else describe_alarm(payload))
+                seen += 1
+                if arguments.count is not None and seen >= arguments.count:
+                    done.set()
+
+        if not arguments.json:
+            for reply in bus.ask(keys.states()):
+                if reply.payload is not None:
+                    _print(describe_state(reply.payload))
+        bus.subscribe_alarms(
+            keys.alarms(), on_alarm, lambda n: _print(f"{n} alarm records were missed", sys.stderr)
+        )
+        while not done.is_set() and not stop.wait(0.1):
+            pass
+    return 0
+
+
+def _acknowledge(ask, keys: Keys, target: str, actor: str) -> int:  # type: ignore[no-untyped-def]
+    camera, slash, roi = target.partition("/")
+    if not slash or not actor:
+        raise LumpwatchError("--ack takes CAMERA/ROI and needs --actor NAME")
+    replies = ask(keys.ack(camera, roi), {"actor": actor})
+    if not replies:
+        raise LumpwatchError(f"nobody answers for {target}: is the daemon running and the name right?")
+    if replies[0].error is not None:
+        raise LumpwatchError(f"{target}: {replies[0].error}")
+    _print(replies[0].payload.decode())
+    return 0
+
+
+def describe_alarm(payload: bytes) -> str:
+    """One line for a person."""
+    try:
+        event = AlarmEvent.model_validate_json(payload)
+    except ValidationError:
+        return f"a malformed alarm record of {len(payload)} bytes"
+    data = event.data
+    where = ""
+    if data.objects:
+        box = data.objects[0]
+        where = f", box {box.w:.0f} x {box.h:.0f} px at ({box.x:.0f}, {box.y:.0f}), {box.model}"
+    actor = f" by {data.actor}" if data.actor else ""
+    return (
+        f"{event.time:%Y-%m-%d %H:%M:%S} {data.camera}/{data.roi}: {data.change}{actor}, now {data.state}, "
+        f"existence {data.existence:.2f}, frame {data.frame}{where}"
+    )
+
+
+def describe_state(payload: bytes) -> str:
+    """One line for a person."""
+    try:
+        state = StateMessage.model_validate_json(payload)
+    except ValidationError:
+        return f"a malformed state of {len(payload)} bytes"
+    reason = f" ({state.reason.value})" if state.reason else ""
+    return (
+        f"{state.camera}/{state.roi}: {state.state.value}{reason}, "
+        f"alarm {state.alarm}, existence {state.existence:.2f}"
+    )
+
+
+def _print(line: str, stream: object = None) -> None:
+    out = sys.stdout if stream is None else sys.stderr
+    out.write(line + "\n")
+    out.flush()

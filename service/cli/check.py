@@ -1,0 +1,46 @@
+"""`lumpwatch check`: whether the configuration is right and the stored priors can be read."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.common import Commands, add_command
+from service.config import load
+from service.readiness import check_priors
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "check",
+        check,
+        "Check a configuration and the priors it uses, without starting anything.",
+        "lumpwatch check site.yaml",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+
+
+def check(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    table = Table(title=f"{config.site}: configuration is valid")
+    for heading in ("camera", "source", "roi", "detector", "prior"):
+        table.add_column(heading)
+    notes = check_priors(config)
+    for camera in config.cameras:
+        for roi in camera.rois:
+            models = ", ".join(model.name for model in roi.detector.models)
+            table.add_row(
+                camera.id,
+                camera.source.redacted,
+                roi.id,
+                f"{roi.detector.kind} ({models}; {roi.detector.switching})",
+                notes[camera.id, roi.id],
+            )
+    Console().print(table)
+    return 0

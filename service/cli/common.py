@@ -1,0 +1,92 @@
+"""What several commands share: adding a command, finding camera and ROI, reading files, progress."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from service.config import CameraConfig, RoiConfig, SiteConfig, SourceConfig
+from service.errors import ConfigError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+else:
+    Commands = object
+
+Command = Callable[[argparse.Namespace], int]
+
+
+def add_command(
+    commands: Commands, name: str, command: Command, help_text: str, example: str
+) -> argparse.ArgumentParser:
+    """Add one command with its help and an example."""
+    added = commands.add_parser(
+        name,
+        help=help_text,
+        description=help_text,
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    added.set_defaults(command=command)
+    return added
+
+
+def camera_of(config: SiteConfig, camera_id: str) -> CameraConfig:
+    """The camera of the configuration; raises ConfigError naming those that exist."""
+    try:
+        return config.camera(camera_id)
+    except KeyError:
+        known = ", ".join(camera.id for camera in config.cameras)
+        raise ConfigError(f"--camera {camera_id}: is not in the configuration (has {known})") from None
+
+
+def roi_of(camera: CameraConfig, roi_id: str) -> RoiConfig:
+    """The ROI of the camera; raises ConfigError naming those that exist."""
+    try:
+        return camera.roi(roi_id)
+    except KeyError:
+        known = ", ".join(roi.id for roi in camera.rois)
+        raise ConfigError(f"--roi {roi_id}: camera {camera.id} does not have it (has {known})") from None
+
+
+def file_source(camera: CameraConfig, video: Path) -> SourceConfig:
+    """The camera's source replaced by a file that is read as fast as it goes."""
+    return camera.source.model_copy(
+        update={"url": type(camera.source.url)(str(video)), "pace": False, "loop": False}
+    )
+
+
+@contextmanager
+def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    """A progress bar on a terminal, nothing elsewhere; yields what to call with the count so far."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda _: None
+        return
+    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that SIGINT and SIGTERM set; a second signal ends the process at once."""
+    stop = threading.Event()
+
+    def handle(number: int, frame: object) -> None:
+        if stop.is_set():
+            sys.exit(130)
+        stop.set()
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+    return stop

@@ -1,0 +1,105 @@
+"""`lumpwatch priors`: list, show, roll back, export and import the stored priors."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.common import Commands, add_command, camera_of, roi_of
+from service.config import load
+from service.errors import LumpwatchError
+from service.store import atomic
+from service.store.prior import PriorError, encode
+from service.store.priors import PriorStore, check_owner, read_file
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "priors",
+        priors,
+        "List the stored versions of a ROI's prior, draw one, go back to one, or move one to another machine.",
+        "lumpwatch priors rollback site.yaml --camera crusher-1 --roi apron --version 3",
+    )
+    parser.add_argument("action", choices=("list", "show", "rollback", "export", "import"), help="what to do")
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "file", type=Path, nargs="?", metavar="FILE", help="PNG (show) or prior file (export, import)"
+    )
+    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
+    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
+    parser.add_argument("--version", type=int, metavar="N", help="version (default: the one in use)")
+
+
+def priors(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    camera = camera_of(config, arguments.camera)
+    roi = roi_of(camera, arguments.roi)
+    store = PriorStore(config.store.path, config.store.keep_priors)
+    if arguments.action == "list":
+        return _list(store, camera.id, roi.id)
+    if arguments.action == "rollback":
+        if arguments.version is None:
+            raise LumpwatchError("priors rollback needs --version N")
+        prior = store.use(camera.id, roi.id, arguments.version)
+        print(f"{camera.id}/{roi.id}: version {prior.version} is in use")  # noqa: T201
+        return 0
+    if arguments.file is None:
+        raise LumpwatchError(f"priors {arguments.action} needs a FILE")
+    if arguments.action == "import":
+        prior = read_file(arguments.file)
+        check_owner(prior, camera.id, roi.id, str(arguments.file))
+        stored = store.save(prior)
+        print(f"{camera.id}/{roi.id}: stored as version {stored.version} and in use")  # noqa: T201
+        return 0
+    return _write(store, camera.id, roi.id, arguments)
+
+
+def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespace) -> int:
+    if arguments.version is not None:
+        prior = store.load(camera, roi, arguments.version)
+    else:
+        found = store.current(camera, roi).prior
+        if found is None:
+            raise PriorError(f"{camera}/{roi}: has no prior that can be read")
+        prior = found
+    if arguments.action == "show":
+        from service.plots import draw_prior
+
+        draw_prior(prior, arguments.file)
+    else:
+        try:
+            atomic.replace(arguments.file, encode(prior))
+        except OSError as error:
+            raise LumpwatchError(f"{arguments.file}: cannot be written ({error.strerror})") from error
+    print(f"{camera}/{roi}: version {prior.version} -> {arguments.file}")  # noqa: T201
+    return 0
+
+
+def _list(store: PriorStore, camera: str, roi: str) -> int:
+    in_use = store.current(camera, roi)
+    table = Table(title=f"{camera}/{roi}: priors in {store.folder(camera, roi)}")
+    for heading in ("version", "created", "from", "objects", "models", "state"):
+        table.add_column(heading)
+    for version in store.versions(camera, roi):
+        try:
+            prior = store.load(camera, roi, version)
+        except PriorError as error:
+            table.add_row(str(version), "", "", "", "", f"refused: {error}")
+            continue
+        state = "in use" if in_use.prior is not None and in_use.prior.version == version else ""
+        table.add_row(
+            str(version),
+            f"{prior.meta.created:%Y-%m-%d %H:%M:%S}",
+            prior.meta.source,
+            str(prior.learned.tracks),
+            ", ".join(prior.learned.models),
+            state,
+        )
+    Console().print(table)
+    return 0

@@ -1,0 +1,139 @@
+"""`lumpwatch replay`: the pipeline on a file."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.common import Commands, add_command, camera_of, file_source, progress
+from service.config import CameraConfig, SiteConfig, load
+from service.frames import Frame
+from service.pipeline import CameraPipeline, RoiResult
+from service.readiness import check_priors
+from service.replay import ReplayError, Summary, Watcher
+from service.replay import replay as run_replay
+from service.sources.make import make_source
+from service.store.priors import PriorStore
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "replay",
+        replay,
+        "Run a camera's pipeline on a video file or a folder of images, as fast as it goes.",
+        "lumpwatch replay site.yaml clip.mp4 --camera crusher-1 --out out --plot --overlay",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("video", type=Path, metavar="VIDEO", help="video file or folder of images")
+    parser.add_argument("--camera", required=True, metavar="ID", help="camera whose ROIs look at the file")
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for the results")
+    parser.add_argument("--plot", action="store_true", help="draw the existence curve of each ROI (PNG)")
+    parser.add_argument(
+        "--overlay", action="store_true", help="write a video with ROI, particles, estimate and existence"
+    )
+
+
+def read_frames(camera: CameraConfig, video: Path) -> tuple[Iterator[Frame], int | None]:
+    """All frames of a file with times from its start, and their number where it is known.
+
+    Raises SourceError.
+    """
+    want = "i420" if camera.needs_colour else "gray8"
+    source = make_source(
+        file_source(camera, video),
+        camera.id,
+        want,
+        count=lambda _: None,
+        monotonic=lambda: 0.0,  # times are those of the file alone
+        wall=lambda: 0.0,
+    )
+    source.open()
+
+    def frames() -> Iterator[Frame]:
+        try:
+            while (frame := source.read()) is not None:
+                yield frame
+        finally:
+            source.close()
+
+    return frames(), source.length
+
+
+def replay(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    camera = camera_of(config, arguments.camera)
+    check_priors(config.model_copy(update={"cameras": (camera,)}))
+    store = PriorStore(config.store.path, config.store.keep_priors)
+    priors = {roi.id: store.current(camera.id, roi.id).prior for roi in camera.rois}
+    frames, length = read_frames(camera, arguments.video)
+    started = time.perf_counter()
+    with ExitStack() as stack:
+        advance = stack.enter_context(progress("replay", length))
+        watchers: list[Watcher] = [lambda frame, results, pipeline: advance(frame.seq + 1)]
+        curves = _plot(arguments, watchers)
+        _overlay(arguments, camera, stack, watchers)
+        summary = run_replay(
+            config.site, camera, priors, frames, arguments.video.name, arguments.out, watchers
+        )
+    if curves is not None:
+        curves.save(arguments.out / "existence.png")
+    _print(summary, config, arguments.out, time.perf_counter() - started)
+    return 0
+
+
+def _plot(arguments: argparse.Namespace, watchers: list[Watcher]):  # type: ignore[no-untyped-def]
+    if not arguments.plot:
+        return None
+    from service.plots import ExistenceCurves
+
+    curves = ExistenceCurves()
+
+    def watch(frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline) -> None:
+        curves.add(frame.capture_s, results)
+
+    watchers.append(watch)
+    return curves
+
+
+def _overlay(
+    arguments: argparse.Namespace, camera: CameraConfig, stack: ExitStack, watchers: list[Watcher]
+) -> None:
+    if not arguments.overlay:
+        return
+    from service.overlay import OverlayVideo
+
+    try:
+        arguments.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ReplayError(f"{arguments.out}: cannot be written ({error.strerror})") from error
+    overlay = stack.enter_context(OverlayVideo(arguments.out / "overlay.mp4", camera))
+    watchers.append(overlay.write)
+
+
+def _print(summary: Summary, config: SiteConfig, out: Path, seconds: float) -> None:
+    table = Table(title=f"{summary.video}: {summary.frames} frames, {summary.duration_s:.1f} s")
+    for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "highest existence", "prior"):
+        table.add_column(heading)
+    for roi, one in summary.rois.items():
+        share = {name: f"{100 * count / max(one.frames, 1):.1f} %" for name, count in one.states.items()}
+        table.add_row(
+            roi,
+            str(one.transitions["raised"]),
+            *(share.get(name, "0 %") for name in ("LUMP", "CLEAR", "BLIND")),
+            f"{one.highest_existence:.3f}",
+            f"version {one.prior}" if one.prior else "stated defaults",
+        )
+    console = Console()
+    console.print(table)
+    console.print(
+        f"{summary.frames / max(seconds, 1e-9):.0f} frames a second; results in {out}", highlight=False
+    )

@@ -1,0 +1,53 @@
+"""`lumpwatch run`: the daemon."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+
+from service.cli.common import Commands, add_command, camera_of, stop_on_signals
+from service.config import load
+from service.daemon import Addresses
+from service.daemon import run as run_daemon
+from service.logs import log_to_stderr
+from service.readiness import check_priors
+
+log = logging.getLogger(__name__)
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "run",
+        run,
+        "Run the daemon until it is told to stop (Ctrl-C or SIGTERM).",
+        "lumpwatch run site.yaml",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "--camera", action="append", default=[], metavar="ID", help="only this camera (may be repeated)"
+    )
+    parser.add_argument(
+        "--only",
+        choices=("camera", "monitor"),
+        help="only the processes that read cameras, or only those that filter; the others run elsewhere",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    for camera_id in arguments.camera:
+        camera_of(config, camera_id)
+    log_to_stderr()
+    for (camera_id, roi_id), note in check_priors(config).items():
+        log.info("%s/%s: prior %s", camera_id, roi_id, note)
+    roles = (arguments.only,) if arguments.only else ("camera", "monitor")
+
+    def tell(addresses: Addresses) -> None:
+        log.info("bus on %s, metrics on %s/metrics", ", ".join(addresses.bus), addresses.telemetry)
+
+    run_daemon(config, stop_on_signals(), arguments.camera, roles, tell)
+    return 0

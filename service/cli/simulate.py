@@ -1,0 +1,47 @@
+"""`lumpwatch simulate`: a simulated feed as video and labels."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from service.cli.common import Commands, add_command, progress
+from service.errors import ConfigError, LumpwatchError
+from service.feed.spec import FeedSpec
+from service.feed.write import write_video
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "simulate",
+        simulate,
+        "Render the simulated crusher feed: video.mp4, its labels gt.txt and spec.json.",
+        'lumpwatch simulate out/feed --seconds 60 --seed 3 --set "lumps_per_minute=8&dust=0.5"',
+    )
+    parser.add_argument("out", type=Path, metavar="OUT_DIR", help="folder for the files")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length (default 60)")
+    parser.add_argument("--seed", type=int, help="seed of everything random (default 0)")
+    parser.add_argument(
+        "--set", default="", metavar="QUERY", help="anything else of the feed, key=value joined by &"
+    )
+
+
+def simulate(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    spec = FeedSpec.from_query(arguments.set)
+    if arguments.seed is not None:
+        if arguments.seed < 0:
+            raise ConfigError(f"--seed {arguments.seed}: must not be negative")
+        spec = spec.model_copy(update={"seed": arguments.seed})
+    frames = round(arguments.seconds * spec.fps)
+    try:
+        with progress("rendering", frames) as advance:
+            written = write_video(spec, arguments.seconds, arguments.out, lambda done, _: advance(done))
+    except ValueError as error:
+        raise ConfigError(f"--seconds {arguments.seconds:g}: {error}") from error
+    except OSError as error:
+        raise LumpwatchError(f"{arguments.out}: cannot be written ({error.strerror})") from error
+    print(f"{written.video}\n{written.labels}\n{written.spec}")  # noqa: T201 - the command's output
+    return 0

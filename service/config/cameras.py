@@ -1,0 +1,103 @@
+"""Cameras and their regions of interest."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from service.config.alarm import AlarmConfig
+from service.config.base import Id, PositiveSeconds, Strict, Unit
+from service.config.detector import JdtConfig
+from service.config.source import SourceConfig
+
+Point = tuple[Unit, Unit]
+Polygon = Annotated[tuple[Point, ...], Field(min_length=3, max_length=64)]
+
+
+def _cross(o: Point, a: Point, b: Point) -> float:
+    return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
+
+
+def _segments_cross(p1: Point, p2: Point, q1: Point, q2: Point) -> bool:
+    d1, d2 = _cross(q1, q2, p1), _cross(q1, q2, p2)
+    d3, d4 = _cross(p1, p2, q1), _cross(p1, p2, q2)
+    return ((d1 > 0) != (d2 > 0)) and ((d3 > 0) != (d4 > 0)) and 0.0 not in (d1, d2, d3, d4)
+
+
+def polygon_area(polygon: tuple[Point, ...]) -> float:
+    """Area by the shoelace formula, in units of the picture's area."""
+    rolled = polygon[1:] + polygon[:1]
+    return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(polygon, rolled, strict=True))) / 2
+
+
+class RoiConfig(Strict):
+    """One region of interest: where to look, how, and when to raise the alarm."""
+
+    id: Id
+    """Name of the ROI, unique in its camera."""
+    polygon: Polygon
+    """Corners relative to the picture: (0, 0) top left, (1, 1) bottom right."""
+    detector: JdtConfig = JdtConfig()
+    """The filter that runs on this ROI."""
+    alarm: AlarmConfig = AlarmConfig()
+    """Thresholds and delays of the alarm."""
+
+    @field_validator("polygon")
+    @classmethod
+    def _simple(cls, polygon: tuple[Point, ...]) -> tuple[Point, ...]:
+        n = len(polygon)
+        for i in range(n):
+            if polygon[i] == polygon[(i + 1) % n]:
+                raise ValueError(f"corners {i + 1} and {(i + 1) % n + 1} are the same point")
+            for j in range(i + 2, n):
+                if (j + 1) % n == i:
+                    continue
+                if _segments_cross(polygon[i], polygon[i + 1], polygon[j], polygon[(j + 1) % n]):
+                    raise ValueError(f"the polygon crosses itself (edges {i + 1} and {j + 1})")
+        if polygon_area(polygon) < 1e-4:
+            raise ValueError("the polygon covers less than 0.01 % of the picture")
+        return polygon
+
+
+class WireConfig(Strict):
+    """How a camera's frames travel on the bus."""
+
+    encoding: Literal["raw", "jpeg"] = "raw"
+    """`raw` planes (shared memory on one host), or `jpeg` for a monitor on another host."""
+    jpeg_quality: int = Field(default=85, ge=10, le=100)
+    """Quality of JPEG frames."""
+
+
+class CameraConfig(Strict):
+    """One camera with its regions of interest."""
+
+    id: Id
+    """Name of the camera, unique in the site."""
+    source: SourceConfig
+    """Where the frames come from."""
+    rois: Annotated[tuple[RoiConfig, ...], Field(min_length=1, max_length=32)]
+    """Regions of interest."""
+    wire: WireConfig = WireConfig()
+    """How frames travel on the bus."""
+    blind_after_s: PositiveSeconds = 3.0
+    """A ROI without a fresh frame for this long is BLIND."""
+
+    @model_validator(mode="after")
+    def _unique(self) -> Self:
+        ids = [roi.id for roi in self.rois]
+        if twice := {i for i in ids if ids.count(i) > 1}:
+            raise ValueError(f"rois: id '{min(twice)}' is given more than once")
+        return self
+
+    @property
+    def needs_colour(self) -> bool:
+        """Whether any ROI looks at colour; if none does, only luma is cut, sent and filtered."""
+        return any(roi.detector.needs_colour for roi in self.rois)
+
+    def roi(self, roi_id: str) -> RoiConfig:
+        """The ROI of that id; KeyError where there is none."""
+        for roi in self.rois:
+            if roi.id == roi_id:
+                return roi
+        raise KeyError(roi_id)

@@ -1,0 +1,73 @@
+"""The whole configuration of one daemon."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from service.config.base import Id, PositiveSeconds, Strict
+from service.config.bus import BusConfig
+from service.config.cameras import CameraConfig
+
+
+class StoreConfig(Strict):
+    """Where the daemon keeps what it learned."""
+
+    path: Path = Path("var")
+    """Folder of the store; made when missing."""
+    keep_priors: int = Field(default=10, ge=2, le=1000)
+    """How many versions of each prior are kept."""
+    poll_s: PositiveSeconds = 1.0
+    """How often a running daemon looks for a new prior."""
+
+
+class TelemetryConfig(Strict):
+    """Where metrics and health are served."""
+
+    listen: str = "127.0.0.1:9464"
+    """`host:port` of `/metrics`, `/livez`, `/readyz` and `/startupz`."""
+
+    @field_validator("listen")
+    @classmethod
+    def _address(cls, value: str) -> str:
+        host, _, port = value.rpartition(":")
+        if not host or not port.isdigit() or not 0 <= int(port) <= 65535:
+            raise ValueError(f"'{value}' is not host:port")
+        return value
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port; port 0 takes a free one."""
+        host, _, port = self.listen.rpartition(":")
+        return host.strip("[]"), int(port)
+
+
+class SiteConfig(Strict):
+    """One site: its bus, store, telemetry and cameras."""
+
+    site: Id
+    """Name of the site; part of every bus key."""
+    bus: BusConfig = BusConfig()
+    """The zenoh network."""
+    store: StoreConfig = StoreConfig()
+    """The daemon's own files."""
+    telemetry: TelemetryConfig = TelemetryConfig()
+    """Metrics and health."""
+    cameras: Annotated[tuple[CameraConfig, ...], Field(min_length=1, max_length=64)]
+    """The cameras that this daemon watches."""
+
+    @model_validator(mode="after")
+    def _unique(self) -> Self:
+        ids = [camera.id for camera in self.cameras]
+        if twice := {i for i in ids if ids.count(i) > 1}:
+            raise ValueError(f"cameras: id '{min(twice)}' is given more than once")
+        return self
+
+    def camera(self, camera_id: str) -> CameraConfig:
+        """The camera of that id; KeyError where there is none."""
+        for camera in self.cameras:
+            if camera.id == camera_id:
+                return camera
+        raise KeyError(camera_id)

@@ -1,0 +1,112 @@
+"""Where a camera's frames come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, Self
+from urllib.parse import urlsplit, urlunsplit
+
+from pydantic import Field, SecretStr, field_validator, model_validator
+
+from service.config.base import NotNegative, Positive, PositiveSeconds, Strict
+
+SourceKind = Literal["rtsp", "video", "images", "simulated"]
+PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+
+
+def redact(url: str) -> str:
+    """The URL with user, password and query replaced, fit for logs, metrics and messages."""
+    try:
+        parts = urlsplit(url)
+        netloc = parts.netloc
+    except ValueError:
+        return "<unreadable url>"
+    if not parts.scheme or not netloc:
+        return url
+    host = netloc.rpartition("@")[2]
+    safe = f"***@{host}" if "@" in netloc else host
+    return urlunsplit((parts.scheme, safe, parts.path, "***" if parts.query else "", ""))
+
+
+class BackoffConfig(Strict):
+    """Exponential back-off with jitter between attempts to connect; it never gives up."""
+
+    initial_s: PositiveSeconds = 0.5
+    """First pause."""
+    max_s: PositiveSeconds = 30.0
+    """Longest pause."""
+    jitter: float = Field(default=0.2, ge=0.0, le=1.0)
+    """Share of a pause that is drawn at random, so that cameras do not reconnect in step."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.max_s < self.initial_s:
+            raise ValueError(
+                f"max_s ({self.max_s:g}) must not be smaller than initial_s ({self.initial_s:g})"
+            )
+        return self
+
+
+class SourceConfig(Strict):
+    """One source of frames: an RTSP stream, a video file, a folder of images, or the simulated feed."""
+
+    url: SecretStr
+    """`rtsp://…`, a path to a video file or a folder of images, or `sim:feed?lumps_per_minute=8`."""
+    transport: Literal["tcp", "udp"] = "tcp"
+    """How RTP travels (RTSP only)."""
+    open_timeout_s: PositiveSeconds = 5.0
+    """A connection that has not opened by then is a fault (`open_timeout`)."""
+    read_timeout_s: PositiveSeconds = 5.0
+    """No frame for this long is a fault (`read_timeout`)."""
+    max_age_s: PositiveSeconds = 2.0
+    """A frame that arrives later than this after its capture is dropped and counted (`stale`)."""
+    backoff: BackoffConfig = BackoffConfig()
+    """Pauses between attempts to connect."""
+    pace: bool = True
+    """Play files at their own speed; false: as fast as they are read."""
+    loop: bool = False
+    """Start a file again at its end instead of ending."""
+    fps: Positive | None = None
+    """Frame rate of a folder of images (default 10) or of the simulated feed (default 15)."""
+    seed: int = Field(default=0, ge=0)
+    """Seed of the simulated feed."""
+    start_s: NotNegative = 0.0
+    """Skip this much of a file."""
+
+    @field_validator("url")
+    @classmethod
+    def _named(cls, value: SecretStr) -> SecretStr:
+        url = value.get_secret_value()
+        if not url.strip():
+            raise ValueError("url is empty")
+        scheme = url.partition(":")[0].lower()
+        if "://" in url and scheme not in ("rtsp", "rtsps", "file"):
+            raise ValueError(f"url scheme '{scheme}' is not supported (rtsp, rtsps, file, sim: or a path)")
+        if scheme in ("rtsp", "rtsps"):
+            try:
+                host = urlsplit(url).hostname
+            except ValueError as error:
+                raise ValueError("url is not a valid RTSP address") from error
+            if not host:
+                raise ValueError("url names no host")
+        return value
+
+    @property
+    def redacted(self) -> str:
+        """The URL without credentials."""
+        return redact(self.url.get_secret_value())
+
+    @property
+    def path(self) -> Path:
+        """The file or folder, for sources that are one."""
+        return Path(self.url.get_secret_value().removeprefix("file://"))
+
+    @property
+    def kind(self) -> SourceKind:
+        """Which source the URL means; a path that ends in no known picture suffix is a video."""
+        url = self.url.get_secret_value()
+        if url.lower().startswith(("rtsp://", "rtsps://")):
+            return "rtsp"
+        if url.startswith("sim:"):
+            return "simulated"
+        return "images" if self.path.is_dir() else "video"

@@ -1,0 +1,96 @@
+"""The line between the daemon and one of its worker processes.
+
+The worker reports once a second from a thread of its own: its metrics, the time of its main loop's
+last beat, and what it has to say of itself. The daemon sends nothing but the wish to stop. A worker
+whose daemon is gone stops by itself.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+
+from prometheus_client import CollectorRegistry, generate_latest
+
+REPORT_EVERY_S = 0.5
+GRACE_S = 3.0
+"""A worker that has not stopped this long after it was asked ends itself the hard way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a worker tells the daemon."""
+
+    beat_s: float
+    """Monotonic time of the main loop's last beat."""
+    metrics: str
+    """Prometheus text."""
+    state: str
+    """One word on what the worker does."""
+    decided: dict[str, float] = field(default_factory=dict)
+    """Monotonic time of each ROI's last decision on a frame."""
+
+
+class WorkerLink:
+    """The worker's end."""
+
+    def __init__(self, connection: Connection, registry: CollectorRegistry) -> None:
+        self._connection = connection
+        self._registry = registry
+        self._beat_s = time.monotonic()
+        self.state = "starting"
+        self.decided: dict[str, float] = {}
+        self.stop = threading.Event()
+        """Set when the worker should end."""
+        self._reporter = threading.Thread(target=self._report, name="report", daemon=True)
+        self._listener = threading.Thread(target=self._listen, name="listen", daemon=True)
+        self._reporter.start()
+        self._listener.start()
+
+    def beat(self) -> None:
+        """Called by the main loop at each turn: it is not stuck."""
+        self._beat_s = time.monotonic()
+
+    def wait(self, seconds: float) -> bool:
+        """Sleep with beats; true at once when the worker should end."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self.beat()
+            if self.stop.wait(min(left, REPORT_EVERY_S)):
+                return True
+        return self.stop.is_set()
+
+    def close(self) -> None:
+        """Send the last report; called when the main loop has ended."""
+        self.stop.set()
+        self._reporter.join(timeout=1.0)
+
+    def _report(self) -> None:
+        while not self.stop.is_set():
+            self._send()
+            self.stop.wait(REPORT_EVERY_S)
+        self._send()
+
+    def _send(self) -> None:
+        text = generate_latest(self._registry).decode()
+        try:
+            self._connection.send(Report(self._beat_s, text, self.state, dict(self.decided)))
+        except OSError:
+            self.stop.set()
+
+    def _listen(self) -> None:
+        try:
+            self._connection.recv()
+        except (EOFError, OSError):
+            self.state = "orphaned"
+        self.stop.set()
+        time.sleep(GRACE_S)
+        os._exit(1)
+
+
+Worker = Callable[..., None]
+"""What runs in a worker process: a function of picklable arguments and, last, the connection."""

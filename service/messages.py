@@ -1,0 +1,187 @@
+"""What goes out: state lines, alarm records, heartbeats. JSON with a published schema."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Decision(StrEnum):
+    """The three-valued decision of a ROI."""
+
+    CLEAR = "CLEAR"
+    LUMP = "LUMP"
+    BLIND = "BLIND"
+
+
+class BlindReason(StrEnum):
+    """Why a ROI cannot judge."""
+
+    STARTING = "starting"
+    NO_STREAM = "no_stream"
+    STALE = "stale"
+    FILTER = "filter"
+
+
+class Record(BaseModel):
+    """Base of all messages: unknown keys are ignored by readers, so that v1 can grow."""
+
+    model_config = ConfigDict(frozen=True, use_attribute_docstrings=True)
+
+    def line(self) -> bytes:
+        """One line of JSON."""
+        return self.model_dump_json().encode()
+
+
+class ObjectRecord(Record):
+    """One object, in full-frame pixels."""
+
+    x: float
+    """Left edge of the box, px."""
+    y: float
+    """Upper edge of the box, px."""
+    w: float
+    """Width of the box, px."""
+    h: float
+    """Height of the box, px."""
+    existence: float
+    """Probability that the object exists."""
+    model: str
+    """Its most probable motion model."""
+    id: int
+    """The same for as long as the object is followed."""
+    spread_x: float
+    """Standard deviation of the centre along x, px."""
+    spread_y: float
+    """Standard deviation of the centre along y, px."""
+
+
+class StateLine(Record):
+    """The decision of one ROI on one frame, as `states.jsonl` holds it."""
+
+    frame: int
+    """Frame number, from 1; 0 where no frame has come yet."""
+    time_s: float
+    """Capture time, seconds (replay: since the start of the file)."""
+    camera: str
+    """Camera id."""
+    roi: str
+    """ROI id."""
+    state: Decision
+    """CLEAR, LUMP or BLIND."""
+    existence: float
+    """Probability that a lump is there."""
+    objects: tuple[ObjectRecord, ...] = ()
+    """The objects that are more likely there than not."""
+
+
+class Timing(Record):
+    """When a frame was captured, received and decided, and what that took."""
+
+    captured: datetime
+    """Capture time on the wall clock (UTC)."""
+    decided: datetime
+    """Decision time on the wall clock (UTC)."""
+    age_s: float
+    """Seconds from capture to decision, by the monotonic clock."""
+
+
+class StateMessage(StateLine):
+    """The state of a ROI on the bus."""
+
+    site: str
+    """Site id."""
+    alarm: str
+    """State of the alarm: NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED or RETURNED."""
+    reason: BlindReason | None = None
+    """Why the ROI is BLIND."""
+    timing: Timing | None = None
+    """None where no frame has come yet."""
+    prior: int = 0
+    """Version of the prior in use; 0: the stated defaults."""
+
+
+class AlarmData(Record):
+    """The content of an alarm record."""
+
+    site: str
+    """Site id."""
+    camera: str
+    """Camera id."""
+    roi: str
+    """ROI id."""
+    change: Literal["raised", "cleared", "acknowledged"]
+    """What happened."""
+    state: str
+    """State of the alarm after it."""
+    previous: str
+    """State of the alarm before it."""
+    frame: int
+    """Number of the frame that decided."""
+    time_s: float
+    """Capture time of that frame, seconds on the source's monotonic clock (replay: since the start)."""
+    existence: float
+    """Probability that a lump is there."""
+    objects: tuple[ObjectRecord, ...] = ()
+    """The estimate."""
+    timing: Timing | None = None
+    """Capture and decision time."""
+    actor: str | None = None
+    """Who acknowledged."""
+    prior: int = 0
+    """Version of the prior in use."""
+
+
+class AlarmEvent(Record):
+    """An alarm record: CloudEvents 1.0 in JSON."""
+
+    specversion: Literal["1.0"] = "1.0"
+    """Version of CloudEvents."""
+    id: str
+    """Unique within `source`; rises with time."""
+    source: str
+    """`/lumpwatch/{site}/{camera}/{roi}`."""
+    type: str
+    """`io.lumpwatch.alarm.raised.v1`, `….cleared.v1` or `….acknowledged.v1`."""
+    subject: str
+    """`{camera}/{roi}`."""
+    time: datetime
+    """Decision time on the wall clock (UTC)."""
+    datacontenttype: Literal["application/json"] = "application/json"
+    """Type of `data`."""
+    data: AlarmData
+    """What happened, where, and by which evidence."""
+
+
+class RoiBeat(Record):
+    """What a heartbeat says of one ROI."""
+
+    state: Decision
+    """CLEAR, LUMP or BLIND."""
+    decided_ago_s: float | None
+    """Seconds since the last decision on a frame; null: none yet."""
+
+
+class Heartbeat(Record):
+    """Sent once a second by the monitor of a camera; trust nothing older than `valid_s`."""
+
+    site: str
+    """Site id."""
+    camera: str
+    """Camera id."""
+    seq: int
+    """Counts the heartbeats of this monitor."""
+    time: datetime
+    """Wall clock (UTC)."""
+    valid_s: float
+    """A consumer that hears nothing for longer goes to its safe state."""
+    rois: dict[str, RoiBeat] = Field(default_factory=dict)
+    """Each ROI."""
+
+
+def utc(seconds: float) -> datetime:
+    """Seconds since the epoch as a UTC time stamp, to the microsecond."""
+    return datetime.fromtimestamp(seconds, UTC)

@@ -1,0 +1,226 @@
+"""The pipeline of one camera: frame -> filter of each ROI -> decision -> alarm.
+
+Live monitoring and replay run this same object. It reads no clock: frames carry their times, and
+`now_s` is on the clock of their `received_s`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Protocol
+
+from models.roi import make_roi
+from service.alarms import Alarm, Transition, acknowledge, step
+from service.config.cameras import CameraConfig, RoiConfig
+from service.detector import DEFAULT_INTERVAL_S, Detection, RoiDetector
+from service.errors import LumpwatchError
+from service.frames import Frame
+from service.messages import BlindReason, Decision
+from service.planes import working_colour, working_luma
+from service.store.prior import Prior
+
+log = logging.getLogger(__name__)
+
+
+class PipelineObserver(Protocol):
+    """Counts and times what happens in the pipeline; implemented by metrics."""
+
+    def dropped(self, reason: str) -> None:
+        """A frame was not processed."""
+
+    def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """A stage of the work on one frame took this long."""
+
+    def prior_refused(self, roi: str, reason: str) -> None:
+        """A prior cannot be used."""
+
+
+class Unobserved:
+    """An observer that looks away."""
+
+    def dropped(self, reason: str) -> None:
+        """Nothing."""
+
+    def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """Nothing."""
+
+    def prior_refused(self, roi: str, reason: str) -> None:
+        """Nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoiResult:
+    """The decision of one ROI."""
+
+    roi: str
+    frame: Frame | None
+    """None where no frame has come yet."""
+    decision: Decision
+    reason: BlindReason | None
+    detection: Detection | None
+    existence: float
+    alarm: Alarm
+    transition: Transition | None
+    prior: int
+    decided: bool
+    """Whether this result comes from filtering a new frame."""
+
+
+@dataclass(slots=True)
+class _Roi:
+    """What changes from frame to frame in one ROI."""
+
+    config: RoiConfig
+    prior: Prior | None
+    detector: RoiDetector | None = None
+    alarm: Alarm = field(default_factory=Alarm)
+    detection: Detection | None = None
+    failed: bool = False
+
+    @property
+    def version(self) -> int:
+        return self.prior.version if self.prior else 0
+
+
+class CameraPipeline:
+    """All ROIs of one camera."""
+
+    def __init__(
+        self,
+        config: CameraConfig,
+        priors: Mapping[str, Prior | None] | None = None,
+        observer: PipelineObserver | None = None,
+    ) -> None:
+        priors = priors or {}
+        self._config = config
+        self._observer: PipelineObserver = observer or Unobserved()
+        self._rois = {roi.id: _Roi(roi, priors.get(roi.id)) for roi in config.rois}
+        self._frame: Frame | None = None
+        self._size: tuple[int, int] | None = None
+
+    def detector(self, roi: str) -> RoiDetector | None:
+        """The detector of a ROI, for overlays; None before the first frame."""
+        return self._rois[roi].detector
+
+    def process(self, frame: Frame, now_s: float) -> tuple[RoiResult, ...]:
+        """Filter and decide every ROI on one frame; () for a frame that is not newer than the last.
+
+        Raises LumpwatchError where a ROI or prior does not fit the picture.
+        """
+        last = self._frame
+        if last is not None and frame.capture_s <= last.capture_s:
+            self._observer.dropped("duplicate" if frame.capture_s == last.capture_s else "late")
+            return ()
+        if (frame.width, frame.height) != self._size:
+            self._fit(frame)
+        dt = DEFAULT_INTERVAL_S if last is None else frame.capture_s - last.capture_s
+        self._frame = frame
+        return tuple(self._process_roi(roi, frame, dt, now_s) for roi in self._rois.values())
+
+    def look(self, now_s: float) -> tuple[RoiResult, ...]:
+        """The decision of every ROI without a new frame: BLIND once the last one is too old."""
+        return tuple(self._result(roi, None, now_s) for roi in self._rois.values())
+
+    def acknowledge(self, roi_id: str, actor: str, now_s: float) -> RoiResult:
+        """Acknowledge the alarm of a ROI; raises KeyError for one that does not exist."""
+        roi = self._rois[roi_id]
+        roi.alarm, transition = acknowledge(roi.alarm, actor, now_s)
+        return self._result(roi, transition, now_s)
+
+    def prior(self, roi_id: str) -> Prior | None:
+        """The prior that a ROI uses; None: the stated defaults."""
+        return self._rois[roi_id].prior
+
+    def use_prior(self, roi_id: str, prior: Prior) -> None:
+        """Filter on with another prior; one that does not fit is refused and the old one stays."""
+        roi = self._rois[roi_id]
+        if roi.detector is not None and self._size is not None:
+            try:
+                prior.check_fits(roi.config, *self._size)
+                roi.detector.use(prior.learned)
+            except LumpwatchError as error:
+                self._refuse(roi, error)
+                return
+        roi.prior = prior
+
+    def _refuse(self, roi: _Roi, error: LumpwatchError) -> None:
+        log.error("%s/%s: prior refused: %s", self._config.id, roi.config.id, error)
+        self._observer.prior_refused(roi.config.id, "unfit")
+
+    def _fit(self, frame: Frame) -> None:
+        """Make the detectors for pictures of this size."""
+        for roi in self._rois.values():
+            config = roi.config.detector
+            try:
+                geometry = make_roi(roi.config.polygon, frame.width, frame.height, config.working_size_px)
+            except ValueError as error:
+                raise LumpwatchError(f"camera {self._config.id}, roi {roi.config.id}: {error}") from error
+            if roi.prior is not None:
+                try:
+                    roi.prior.check_fits(roi.config, frame.width, frame.height)
+                    roi.detector = RoiDetector(config, geometry, roi.prior.learned)
+                    continue
+                except LumpwatchError as error:
+                    self._refuse(roi, error)
+                    roi.prior = None
+            roi.detector = RoiDetector(config, geometry, None)
+        self._size = (frame.width, frame.height)
+
+    def _process_roi(self, roi: _Roi, frame: Frame, dt: float, now_s: float) -> RoiResult:
+        assert roi.detector is not None
+        started = perf_counter()
+        try:
+            gray = working_luma(frame, roi.detector.roi)
+            colour = working_colour(frame, roi.detector.roi) if roi.config.detector.needs_colour else None
+            cut = perf_counter()
+            roi.detection = roi.detector.step(gray, colour, dt)
+            roi.failed = False
+        except Exception:
+            # One ROI that fails must not take the camera with it: it goes blind and starts anew.
+            log.exception("camera %s, roi %s: the filter failed", self._config.id, roi.config.id)
+            roi.failed = True
+            roi.detector = RoiDetector(
+                roi.config.detector, roi.detector.roi, roi.prior.learned if roi.prior else None
+            )
+            return self._result(roi, None, now_s)
+        done = perf_counter()
+        self._observer.stage("cut", roi.config.id, cut - started)
+        self._observer.stage("filter", roi.config.id, done - cut)
+        roi.alarm, transition = step(roi.alarm, roi.config.alarm, roi.detection.existence, frame.capture_s)
+        return self._result(roi, transition, now_s, decided=True)
+
+    def _result(
+        self, roi: _Roi, transition: Transition | None, now_s: float, *, decided: bool = False
+    ) -> RoiResult:
+        reason = self._blind(roi, now_s)
+        if reason is not None:
+            decision = Decision.BLIND
+        else:
+            decision = Decision.LUMP if roi.alarm.state.active else Decision.CLEAR
+        existence = roi.detection.existence if roi.detection else 0.0
+        return RoiResult(
+            roi.config.id,
+            self._frame,
+            decision,
+            reason,
+            roi.detection,
+            existence,
+            roi.alarm,
+            transition,
+            roi.version,
+            decided,
+        )
+
+    def _blind(self, roi: _Roi, now_s: float) -> BlindReason | None:
+        if self._frame is None:
+            return BlindReason.STARTING
+        if roi.failed:
+            return BlindReason.FILTER
+        if now_s - self._frame.received_s > self._config.blind_after_s:
+            return BlindReason.NO_STREAM
+        if now_s - self._frame.capture_s > self._config.blind_after_s:
+            return BlindReason.STALE
+        return None

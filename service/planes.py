@@ -1,0 +1,35 @@
+"""Cutting a region out of a frame's planes, so that only the region is ever converted."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from models.roi import Image, Roi
+from service.frames import Frame
+
+
+def working_luma(frame: Frame, roi: Roi) -> Image:
+    """Luma of the region in working size (h, w)."""
+    x, y, _, h = frame.window
+    if frame.encoding == "bgr8":
+        return np.asarray(cv2.cvtColor(roi.cut(frame.data, (x, y)), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    return roi.cut(frame.data[:h] if frame.encoding == "i420" else frame.data, (x, y))
+
+
+def working_colour(frame: Frame, roi: Roi) -> Image:
+    """BGR of the region in working size (h, w, 3); a frame of luma only gives grey."""
+    x, y, w, h = frame.window
+    if frame.encoding == "bgr8":
+        return roi.cut(frame.data, (x, y))
+    if frame.encoding == "gray8":
+        return np.asarray(cv2.cvtColor(roi.cut(frame.data, (x, y)), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    # I420 holds one chroma sample for 2 x 2 pixels: cut on even borders around the region.
+    left, top = (roi.x - x) & ~1, (roi.y - y) & ~1
+    right, bottom = min((roi.x - x + roi.width + 1) & ~1, w), min((roi.y - y + roi.height + 1) & ~1, h)
+    if left < 0 or top < 0 or right <= left or bottom <= top:
+        raise ValueError("the picture does not cover the region of interest")
+    chroma = frame.data[h:].reshape(2, h // 2, w // 2)[:, top // 2 : bottom // 2, left // 2 : right // 2]
+    part = np.concatenate([frame.data[top:bottom, left:right].ravel(), chroma.ravel()])
+    bgr = cv2.cvtColor(part.reshape(-1, right - left), cv2.COLOR_YUV2BGR_I420)
+    return roi.cut(np.asarray(bgr, dtype=np.uint8), (x + left, y + top))

@@ -1,0 +1,29 @@
+"""What can be known to be wrong before anything is started."""
+
+from __future__ import annotations
+
+from service.config import HistogramConfig, SiteConfig
+from service.errors import ConfigError
+from service.store.priors import PriorStore
+
+
+def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
+    """What each ROI (camera, roi) will run on, in words.
+
+    Raises ConfigError for a ROI that cannot run without a prior and has none that can be read.
+    """
+    store = PriorStore(config.store.path, config.store.keep_priors)
+    notes = {}
+    for camera in config.cameras:
+        for roi in camera.rois:
+            found = store.current(camera.id, roi.id)
+            if found.prior is None and isinstance(roi.detector.likelihood, HistogramConfig):
+                raise ConfigError(
+                    f"camera {camera.id}, roi {roi.id}: likelihood kind histogram needs a prior; "
+                    f"run lumpwatch train CONFIG VIDEO LABELS --camera {camera.id} --roi {roi.id}"
+                )
+            note = f"version {found.prior.version}" if found.prior else "none: stated defaults"
+            if found.problems:
+                note += f" (refused: {'; '.join(found.problems)})"
+            notes[camera.id, roi.id] = note
+    return notes

@@ -1,0 +1,122 @@
+"""From the pipeline's results to the records that go out, live and in replay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from service.messages import (
+    AlarmData,
+    AlarmEvent,
+    ObjectRecord,
+    StateLine,
+    StateMessage,
+    Timing,
+    utc,
+)
+from service.pipeline import RoiResult
+
+
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """The same moment on the two clocks, to write monotonic times for people."""
+
+    monotonic_s: float
+    wall_s: float
+
+    def timing(self, result: RoiResult) -> Timing | None:
+        """Capture and decision of a result that was decided at this moment."""
+        if result.frame is None:
+            return None
+        age = self.monotonic_s - result.frame.capture_s
+        return Timing(captured=utc(self.wall_s - age), decided=utc(self.wall_s), age_s=round(age, 6))
+
+
+def objects(result: RoiResult) -> tuple[ObjectRecord, ...]:
+    """The objects of a result, rounded to what means something."""
+    if result.detection is None:
+        return ()
+    return tuple(
+        ObjectRecord(
+            x=round(found.x, 2),
+            y=round(found.y, 2),
+            w=round(found.w, 2),
+            h=round(found.h, 2),
+            existence=round(found.existence, 6),
+            model=found.model,
+            id=found.id,
+            spread_x=round(found.spread_x, 2),
+            spread_y=round(found.spread_y, 2),
+        )
+        for found in result.detection.objects
+    )
+
+
+def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
+    """One line of `states.jsonl`; times count from `start_s`."""
+    return StateLine(
+        frame=_number(result),
+        time_s=_time(result, start_s),
+        camera=camera,
+        roi=result.roi,
+        state=result.decision,
+        existence=round(result.existence, 6),
+        objects=objects(result),
+    )
+
+
+def state_message(result: RoiResult, site: str, camera: str, clocks: Clocks) -> StateMessage:
+    """The state of a ROI on the bus."""
+    return StateMessage(
+        frame=_number(result),
+        time_s=_time(result, 0.0),
+        camera=camera,
+        roi=result.roi,
+        state=result.decision,
+        existence=round(result.existence, 6),
+        objects=objects(result),
+        site=site,
+        alarm=result.alarm.state.value,
+        reason=result.reason,
+        timing=clocks.timing(result),
+        prior=result.prior,
+    )
+
+
+def alarm_event(
+    result: RoiResult, site: str, camera: str, number: int, clocks: Clocks, start_s: float = 0.0
+) -> AlarmEvent:
+    """The record of the transition in a result; `number` makes its id unique within the source."""
+    transition = result.transition
+    assert transition is not None
+    timing = clocks.timing(result)
+    milliseconds = round(clocks.wall_s * 1000)
+    return AlarmEvent(
+        id=f"{milliseconds:015d}-{number:06d}",
+        source=f"/lumpwatch/{site}/{camera}/{result.roi}",
+        type=f"io.lumpwatch.alarm.{transition.change.value}.v1",
+        subject=f"{camera}/{result.roi}",
+        time=utc(clocks.wall_s),
+        data=AlarmData(
+            site=site,
+            camera=camera,
+            roi=result.roi,
+            change=transition.change.value,
+            state=transition.after.value,
+            previous=transition.before.value,
+            frame=_number(result),
+            time_s=_time(result, start_s),
+            existence=round(result.existence, 6),
+            objects=objects(result),
+            timing=timing,
+            actor=transition.actor,
+            prior=result.prior,
+        ),
+    )
+
+
+def _number(result: RoiResult) -> int:
+    return 0 if result.frame is None else result.frame.seq + 1
+
+
+def _time(result: RoiResult, start_s: float) -> float:
+    return 0.0 if result.frame is None else round(result.frame.capture_s - start_s, 6)

@@ -1,0 +1,1 @@
+"""What the daemon keeps: atomic, checksummed, versioned."""

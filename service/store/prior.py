@@ -1,0 +1,203 @@
+"""A prior as a file: what training learned, bound to one camera and ROI.
+
+    lumpwatch-prior 1 <sha256 of the rest> <bytes of the rest> <newline>
+    a NumPy .npz archive: the arrays, and `meta`, a JSON object
+
+The first line makes truncation and corruption visible before anything is parsed. Arrays are read
+without pickle, so that a foreign file cannot run code.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from models.density import GridDensity
+from models.learning.learned import HistogramFit, Learned, LumpFit
+from models.profile import RowProfile
+from service.config.cameras import RoiConfig
+from service.errors import LumpwatchError
+
+MAGIC = b"lumpwatch-prior"
+FORMAT = 1
+MAX_BYTES = 256 << 20
+_ASPECT_TOLERANCE = 0.01
+
+
+class PriorError(LumpwatchError):
+    """A prior cannot be used; the text says which and why."""
+
+
+class PriorMeta(BaseModel):
+    """What a prior says of itself."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    camera: str
+    roi: str
+    created: datetime
+    polygon: tuple[tuple[float, float], ...]
+    aspect: float
+    """Width of the pictures over their height."""
+    source: str
+    """Name of the training video, without its folder."""
+    frames: int
+    """Frames that training looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A prior with its identity."""
+
+    meta: PriorMeta
+    learned: Learned
+    version: int = 0
+    """Number under which the store keeps it; 0 before it is stored."""
+
+    def check_fits(self, roi: RoiConfig, width: int, height: int) -> None:
+        """Raises PriorError where ROI or picture are not those of the training."""
+        same = len(self.meta.polygon) == len(roi.polygon) and np.allclose(
+            self.meta.polygon, roi.polygon, atol=1e-6
+        )
+        if not same:
+            raise PriorError(f"prior of roi {roi.id}: was trained for another polygon; train again")
+        if abs(width / height / self.meta.aspect - 1.0) > _ASPECT_TOLERANCE:
+            raise PriorError(
+                f"prior of roi {roi.id}: was trained on pictures of another shape "
+                f"({self.meta.aspect:.3f} wide to 1 high, now {width / height:.3f}); train again"
+            )
+
+    def with_version(self, version: int) -> Prior:
+        """The same prior under a version number."""
+        return replace(self, version=version)
+
+
+def encode(prior: Prior) -> bytes:
+    """The bytes of a prior file; the same prior gives the same bytes."""
+    learned = prior.learned
+    fit = learned.likelihood
+    kind: Literal["lump", "histogram"] = "lump" if isinstance(fit, LumpFit) else "histogram"
+    meta = prior.meta.model_dump(mode="json") | {
+        "models": learned.models,
+        "interval_s": learned.interval_s,
+        "tracks": learned.tracks,
+        "components": learned.density.components,
+        "likelihood": kind,
+        "channel": fit.channel if isinstance(fit, HistogramFit) else None,
+    }
+    arrays: dict[str, NDArray[Any]] = {
+        "rates": learned.rates,
+        "velocity_noise": learned.velocity_noise,
+        "joint": learned.joint,
+        "births": learned.births,
+        "label_counts": learned.label_counts,
+        "density_origin": learned.density.origin,
+        "density_step": learned.density.step,
+        "density_values": learned.density.values,
+        "profile_rows": np.array([learned.profile.first_row, learned.profile.row_step]),
+        "profile_mean": learned.profile.mean,
+        "profile_spread": learned.profile.spread,
+    }
+    if isinstance(fit, LumpFit):
+        arrays |= {
+            "fit_mean": fit.mean,
+            "fit_scale": fit.scale,
+            "fit_weights": fit.weights,
+            "fit_line": np.array([fit.offset]),
+        }
+    else:
+        arrays |= {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
+    buffer = io.BytesIO()
+    text = np.frombuffer(json.dumps(meta, sort_keys=True).encode(), dtype=np.uint8)
+    np.savez(buffer, allow_pickle=False, meta=text, **arrays)
+    body = buffer.getvalue()
+    head = b"%s %d %s %d\n" % (MAGIC, FORMAT, hashlib.sha256(body).hexdigest().encode(), len(body))
+    return head + body
+
+
+def decode(content: bytes, name: str) -> Prior:
+    """The prior in the bytes of a file; `name` stands for it in errors. Raises PriorError."""
+    body = _body(content, name)
+    try:
+        with np.load(io.BytesIO(body), allow_pickle=False) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+        meta = json.loads(arrays.pop("meta").tobytes())
+        learned = _learned(meta, arrays)
+        known = {key: meta[key] for key in PriorMeta.model_fields}
+        prior = Prior(PriorMeta.model_validate(known), learned)
+    except (KeyError, TypeError, ValueError, IndexError, zipfile.BadZipFile, ValidationError) as error:
+        raise PriorError(
+            f"{name}: the prior's content is not as expected ({type(error).__name__})"
+        ) from error
+    return prior
+
+
+def _body(content: bytes, name: str) -> bytes:
+    head, newline, body = content[:256].partition(b"\n")
+    words = head.split(b" ")
+    if not newline or len(words) != 4 or words[0] != MAGIC:
+        raise PriorError(f"{name}: is not a lumpwatch prior")
+    if words[1] != str(FORMAT).encode():
+        raise PriorError(
+            f"{name}: has format {words[1].decode(errors='replace')}, this version reads format {FORMAT}"
+        )
+    body = content[len(head) + 1 :]
+    if not words[3].isdigit() or int(words[3]) != len(body):
+        raise PriorError(f"{name}: is truncated or has bytes to spare")
+    if hashlib.sha256(body).hexdigest().encode() != words[2]:
+        raise PriorError(f"{name}: is corrupt (its checksum does not match)")
+    return body
+
+
+def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
+    """Arrays back to their places; raises ValueError where a shape or number cannot be right."""
+    m = len(meta["models"])
+    density = GridDensity(
+        tuple(int(c) for c in meta["components"]),
+        arrays["density_origin"],
+        arrays["density_step"],
+        arrays["density_values"],
+    )
+    first, step = arrays["profile_rows"]
+    line = arrays["fit_line"]
+    fit: LumpFit | HistogramFit
+    if meta["likelihood"] == "lump":
+        fit = LumpFit(arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"], float(line[0]))
+    else:
+        fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
+    shapes = {
+        "rates": (m, 2),
+        "velocity_noise": (m,),
+        "joint": (m, m),
+        "births": (m,),
+        "label_counts": (m,),
+    }
+    for key, shape in shapes.items():
+        if arrays[key].shape != shape:
+            raise ValueError(f"{key} has shape {arrays[key].shape}")
+    if density.values.shape[0] != m or density.values.ndim != 1 + len(density.components):
+        raise ValueError("density does not fit the models")
+    if not all(np.isfinite(array).all() for array in arrays.values()):
+        raise ValueError("not finite")
+    return Learned(
+        models=tuple(meta["models"]),
+        rates=arrays["rates"],
+        velocity_noise=arrays["velocity_noise"],
+        joint=arrays["joint"],
+        interval_s=float(meta["interval_s"]),
+        density=density,
+        births=arrays["births"],
+        profile=RowProfile(float(first), float(step), arrays["profile_mean"], arrays["profile_spread"]),
+        likelihood=fit,
+        label_counts=arrays["label_counts"],
+        tracks=int(meta["tracks"]),
+    )

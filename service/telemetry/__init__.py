@@ -1,0 +1,1 @@
+"""Prometheus metrics and health of the daemon and its worker processes."""

@@ -1,0 +1,101 @@
+"""Serves `/metrics`, `/livez`, `/readyz` and `/startupz`."""
+
+from __future__ import annotations
+
+import json
+import threading
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from types import TracebackType
+from typing import Protocol, Self
+
+from prometheus_client import CollectorRegistry
+from prometheus_client.exposition import choose_encoder
+
+from service.errors import LumpwatchError
+
+
+class TelemetryError(LumpwatchError):
+    """The address cannot be served; the text names it."""
+
+
+class Health(Protocol):
+    """Judges the daemon by its outcome. Each answer lists what is wrong; empty means healthy."""
+
+    def live(self) -> list[str]:
+        """Whether the daemon itself works; a restart would help if not."""
+
+    def ready(self) -> list[str]:
+        """Whether every ROI has decided lately."""
+
+    def started(self) -> list[str]:
+        """Whether every ROI has decided once."""
+
+
+class TelemetryServer:
+    """An HTTP server in threads of its own; a context manager."""
+
+    def __init__(self, address: tuple[str, int], registry: CollectorRegistry, health: Health) -> None:
+        """Raises TelemetryError where the address cannot be bound."""
+
+        class Handler(_Handler):
+            pass
+
+        Handler.registry = registry
+        Handler.health = health
+        try:
+            self._server = ThreadingHTTPServer(address, Handler)
+        except OSError as error:
+            where = f"{address[0]}:{address[1]}"
+            raise TelemetryError(f"telemetry.listen {where}: cannot be served ({error.strerror})") from error
+        self._server.daemon_threads = True
+        self._thread = threading.Thread(target=self._server.serve_forever, name="telemetry", daemon=True)
+
+    @property
+    def url(self) -> str:
+        """Where the server really listens."""
+        host, port = self._server.server_address[:2]
+        return f"http://{host if isinstance(host, str) else host.decode()}:{port}"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join(timeout=2)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    registry: CollectorRegistry
+    health: Health
+    timeout = 10  # a client that sends nothing does not keep a thread for ever
+
+    def do_GET(self) -> None:
+        """Answer one request."""
+        path = self.path.partition("?")[0]
+        if path == "/metrics":
+            encode, content_type = choose_encoder(self.headers.get("Accept", ""))
+            self._answer(HTTPStatus.OK, encode(self.registry), content_type)
+            return
+        checks = {"/livez": self.health.live, "/readyz": self.health.ready, "/startupz": self.health.started}
+        if (check := checks.get(path)) is None:
+            self._answer(HTTPStatus.NOT_FOUND, b"try /metrics, /livez, /readyz or /startupz\n", "text/plain")
+            return
+        problems = check()
+        status = HTTPStatus.SERVICE_UNAVAILABLE if problems else HTTPStatus.OK
+        body = json.dumps({"ok": not problems, "problems": problems}).encode() + b"\n"
+        self._answer(status, body, "application/json")
+
+    def _answer(self, status: HTTPStatus, body: bytes, content_type: str) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", content_type)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Scrapes come every few seconds; they are not worth a line each."""

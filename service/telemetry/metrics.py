@@ -1,0 +1,200 @@
+"""The metrics of each process.
+
+Base units; labels are camera, roi, stage and reason only. A worker process fills a registry of its
+own, whose text travels to the daemon (see `relay`).
+"""
+
+from __future__ import annotations
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+
+from service.alarms import AlarmState, Transition
+from service.messages import Decision
+
+_BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+
+
+class _FrameMetrics:
+    """What the camera's and the monitor's process both count: each its own stages and reasons."""
+
+    def __init__(self, registry: CollectorRegistry, camera: str) -> None:
+        self._camera = camera
+        self._dropped = Counter(
+            "lumpwatch_frames_dropped",
+            "Frames that were received but not processed, by reason.",
+            ("camera", "reason"),
+            registry=registry,
+        )
+        self._stage = Histogram(
+            "lumpwatch_stage_duration_seconds",
+            "Time that a stage of the work on one frame takes; roi is empty for stages of the whole frame.",
+            ("camera", "roi", "stage"),
+            buckets=_BUCKETS,
+            registry=registry,
+        )
+
+    def dropped(self, reason: str, count: int = 1) -> None:
+        """Frames were not processed."""
+        self._dropped.labels(self._camera, reason).inc(count)
+
+    def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """A stage took this long."""
+        self._stage.labels(self._camera, roi, stage).observe(seconds)
+
+
+class CameraMetrics(_FrameMetrics):
+    """Metrics of the process that reads one camera."""
+
+    def __init__(self, registry: CollectorRegistry, camera: str) -> None:
+        super().__init__(registry, camera)
+        self._received = Counter(
+            "lumpwatch_frames_received",
+            "Frames that the source delivered.",
+            ("camera",),
+            registry=registry,
+        )
+        self._attempts = Counter(
+            "lumpwatch_source_connect_attempts",
+            "Attempts to open the source.",
+            ("camera",),
+            registry=registry,
+        )
+        self._failures = Counter(
+            "lumpwatch_source_failures",
+            "Faults that ended a connection or an attempt to make one.",
+            ("camera", "reason"),
+            registry=registry,
+        )
+        self._connected = Gauge(
+            "lumpwatch_source_connected",
+            "1 while the source delivers frames.",
+            ("camera",),
+            registry=registry,
+        )
+        self._last = Gauge(
+            "lumpwatch_last_frame_timestamp_seconds",
+            "Wall-clock time at which the last frame was received.",
+            ("camera",),
+            registry=registry,
+        )
+        # A series that exists from the start lets `rate` see the first event.
+        self._received.labels(camera)
+        self._attempts.labels(camera)
+        self._connected.labels(camera).set(0)
+
+    def received(self, wall_s: float) -> None:
+        """A frame came from the source."""
+        self._received.labels(self._camera).inc()
+        self._last.labels(self._camera).set(wall_s)
+
+    def attempt(self) -> None:
+        """The source is being opened."""
+        self._attempts.labels(self._camera).inc()
+
+    def connected(self) -> None:
+        """The source has delivered a frame."""
+        self._connected.labels(self._camera).set(1)
+
+    def failed(self, fault: str) -> None:
+        """A connection ended, or could not be made."""
+        self._failures.labels(self._camera, fault).inc()
+        self._connected.labels(self._camera).set(0)
+
+
+class MonitorMetrics(_FrameMetrics):
+    """Metrics of the process that filters one camera's ROIs."""
+
+    def __init__(self, registry: CollectorRegistry, camera: str, rois: tuple[str, ...]) -> None:
+        super().__init__(registry, camera)
+        labels = ("camera", "roi")
+
+        def gauge(name: str, text: str) -> Gauge:
+            return Gauge(name, text, labels, registry=registry)
+
+        self._processed = Counter(
+            "lumpwatch_frames_processed", "Frames that a ROI decided on.", labels, registry=registry
+        )
+        self._latency = Histogram(
+            "lumpwatch_frame_to_decision_seconds",
+            "Time from the decoded frame in the camera's process to the decision.",
+            labels,
+            buckets=_BUCKETS,
+            registry=registry,
+        )
+        self._existence = gauge("lumpwatch_existence_ratio", "Probability that a lump is there.")
+        self._active = gauge("lumpwatch_alarm_active", "1 while the alarm condition holds.")
+        self._unacknowledged = gauge(
+            "lumpwatch_alarm_unacknowledged", "1 while an alarm waits for acknowledgement."
+        )
+        self._blind = gauge("lumpwatch_roi_blind", "1 while the ROI cannot judge.")
+        self._transitions = Counter(
+            "lumpwatch_alarm_transitions",
+            "Changes of the alarm; reason is raised, cleared or acknowledged.",
+            (*labels, "reason"),
+            registry=registry,
+        )
+        self._effective = gauge("lumpwatch_effective_particles", "Effective number of particles.")
+        self._fallback = gauge(
+            "lumpwatch_switching_fallback_ratio",
+            "Share of particles far from all training data, for which switching fell back on the matrix.",
+        )
+        self._prior = gauge("lumpwatch_prior_version", "Version of the prior in use; 0: stated defaults.")
+        self._age = gauge("lumpwatch_prior_age_seconds", "Age of the prior in use.")
+        self._problems = Counter(
+            "lumpwatch_prior_problems",
+            "Priors that were refused; reason is unreadable or unfit.",
+            (*labels, "reason"),
+            registry=registry,
+        )
+        for roi in rois:
+            self._processed.labels(camera, roi)
+            self._blind.labels(camera, roi).set(1)
+            for change in ("raised", "cleared", "acknowledged"):
+                self._transitions.labels(camera, roi, change)
+
+    def decided(self, roi: str, latency_s: float, effective: float, fell_back: float) -> None:
+        """A ROI has decided on a frame."""
+        self._processed.labels(self._camera, roi).inc()
+        self._latency.labels(self._camera, roi).observe(latency_s)
+        self._effective.labels(self._camera, roi).set(effective)
+        self._fallback.labels(self._camera, roi).set(fell_back)
+
+    def state(self, roi: str, decision: Decision, existence: float, alarm: AlarmState) -> None:
+        """The present state of a ROI."""
+        self._existence.labels(self._camera, roi).set(existence)
+        self._active.labels(self._camera, roi).set(alarm.active)
+        waiting = alarm in (AlarmState.UNACKNOWLEDGED, AlarmState.RETURNED)
+        self._unacknowledged.labels(self._camera, roi).set(waiting)
+        self._blind.labels(self._camera, roi).set(decision is Decision.BLIND)
+
+    def transition(self, roi: str, transition: Transition) -> None:
+        """The alarm changed."""
+        self._transitions.labels(self._camera, roi, transition.change.value).inc()
+
+    def prior(self, roi: str, version: int, age_s: float) -> None:
+        """The prior in use."""
+        self._prior.labels(self._camera, roi).set(version)
+        self._age.labels(self._camera, roi).set(age_s)
+
+    def prior_refused(self, roi: str, reason: str) -> None:
+        """A prior was refused."""
+        self._problems.labels(self._camera, roi, reason).inc()
+
+
+class DaemonMetrics:
+    """Metrics of the daemon itself."""
+
+    def __init__(self, registry: CollectorRegistry, version: str) -> None:
+        Gauge("lumpwatch_build_info", "Version of lumpwatch.", ("version",), registry=registry).labels(
+            version
+        ).set(1)
+        self._restarts = Counter(
+            "lumpwatch_process_restarts",
+            "Worker processes that were started again; stage is camera or monitor, reason exited or stuck.",
+            ("camera", "stage", "reason"),
+            registry=registry,
+        )
+
+    def restarted(self, camera: str, stage: str, reason: str) -> None:
+        """A worker process is started again."""
+        self._restarts.labels(camera, stage, reason).inc()

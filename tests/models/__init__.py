@@ -1,0 +1,1 @@
+"""Tests of the numerics against oracles, hand-worked values and properties."""

@@ -1,0 +1,205 @@
+"""The filter against exact filters: a grid, a hidden Markov model and a Kalman filter.
+
+Runs with different seeds are independent; their mean is compared with the exact value within four
+standard errors plus a stated allowance for the bias of order 1/N that every particle filter has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from models.density import GridDensity
+from models.existence import ExistenceChain
+from models.jdt import Form, JdtFilter, Order
+from models.motion import ConstantVelocity
+from models.state import VX, Belief, States, X, blank
+from models.switching import AdaptiveSwitching, FixedSwitching, Switching
+from tests.models.helpers import Drift, Marker, Seen, births_over, boxes, flat_profile
+from tests.models.oracles import LineFilter, assert_agrees, hmm_step, kalman_step
+
+Array = NDArray[np.float64]
+DT = 0.5
+LENGTH = 60
+SEEDS = range(24)
+FORMS: tuple[Form, ...] = ("marginal", "sampled")
+ORDERS: tuple[Order, ...] = ("model_first", "state_first")
+
+MATRIX = np.array([[0.8, 0.2], [0.1, 0.9]])
+BELT_THEN_FALL = GridDensity(
+    (X,),
+    np.array([-200.0]),
+    np.array([200.0]),
+    # Knots at -200, 0, 200, 400: m1 fades out along the line, m2 grows.
+    np.array([[0.030, 0.020, 0.001, 0.001], [0.001, 0.001, 0.060, 0.060]]),
+)
+
+
+def evidence(t: int) -> Callable[[Array], Array]:
+    """Log ratio over x of frame t: slow until frame 5, then fast, and out of sight in frames 3 and 4."""
+    place = 15.0 + 0.5 * min(t, 5) + 3.0 * max(t - 5, 0)
+    strength = 0.0 if t in (3, 4) else 4.5
+    return lambda x: strength * np.exp(-0.5 * ((x - place) / 4.0) ** 2) - 1.5
+
+
+def exact_line(adaptive: bool, model_first: bool, frames: int) -> Array:
+    """Existence, mean of x and share of the second model after each frame (frames, 3)."""
+    knots = np.arange(-20.0, 110.0, 0.2) + 0.1
+    levels = np.ones((len(knots), 2))
+    if adaptive:
+        at = (-200.0, 0.0, 200.0, 400.0)
+        levels = np.column_stack([np.interp(knots, at, row) for row in BELT_THEN_FALL.values])
+    rows = MATRIX[:, None, :] * levels[None]
+    rows /= rows.sum(axis=2, keepdims=True)
+    inside = (knots >= 0) & (knots < LENGTH)
+    birth = np.outer((0.7, 0.3), inside / LENGTH)
+    p_birth, p_death = ExistenceChain(0.3, 0.2).probabilities(DT)
+    line = LineFilter(knots, (1.0, 6.0), (1.5, 2.5), rows, birth, p_birth, p_death, DT, model_first)
+    density, existence, seen = birth, 0.0, []
+    for t in range(frames):
+        density, existence = line.step(density, existence, np.exp(evidence(t)(knots)))
+        given = density * line.cell
+        seen.append([existence, float(given.sum(axis=0) @ knots), float(given[1].sum())])
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("adaptive", [False, True], ids=["fixed", "adaptive"])
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("form", FORMS)
+def test_grid_filter(form: Form, order: Order, adaptive: bool) -> None:
+    """Two models drift along a line; births, deaths, switching and evidence as a grid computes them.
+
+    Allowances for the bias: 0.004 of existence, 0.06 px, 0.006 of the share; while existence is below
+    0.1 the sampled form has too few particles alive to judge where they are.
+    """
+    frames = 12
+    exact = exact_line(adaptive, order == "model_first", frames)
+    regimes = np.array([False, False])
+    switching: Switching = FixedSwitching(MATRIX, DT, regimes)
+    if adaptive:
+        switching = AdaptiveSwitching(MATRIX, DT, regimes, BELT_THEN_FALL)
+    jdt = JdtFilter(
+        (Drift("slow", 1.0, 1.5), Drift("fast", 6.0, 2.5)),
+        switching,
+        births_over(LENGTH, 4, (0.7, 0.3)),
+        flat_profile((0.0, 0.0, 2.0, 2.0)),
+        ExistenceChain(0.3, 0.2),
+        particles=3000,
+        form=form,
+        order=order,
+    )
+    runs = np.empty((len(SEEDS), frames, 3))
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        belief = jdt.start(rng)
+        for t in range(frames):
+            seen = evidence(t)
+            belief = jdt.step(belief, Seen(lambda states, seen=seen: seen(states[:, X])), DT, rng).belief
+            x, labels = belief.states[belief.exists, X], belief.labels[belief.exists]
+            runs[seed, t] = belief.existence, x.mean(), labels.mean()
+    assert_agrees(runs[:, :, 0], exact[:, 0], 0.004)
+    judged = exact[:, 0] >= 0.1
+    assert judged.sum() >= 8
+    assert exact[-1, 0] > 0.9
+    assert_agrees(runs[:, judged, 1], exact[judged, 1], 0.06)
+    assert_agrees(runs[:, judged, 2], exact[judged, 2], 0.006)
+
+
+def test_grid_cases_differ() -> None:
+    """The oracle tells the orders and the kinds of switching apart by far more than the allowances."""
+    cases = [exact_line(adaptive, first, 12) for adaptive in (False, True) for first in (False, True)]
+    for i, one in enumerate(cases):
+        for other in cases[:i]:
+            assert np.abs(one - other)[4:].max(axis=0)[2] > 0.05
+
+
+EMISSIONS = np.array([[2.0, 0.5], [0.3, 3.0], [1.0, 1.0], [0.2, 2.5], [4.0, 0.1], [1.5, 1.2]])
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("form", FORMS)
+def test_hidden_markov_model(form: Form, order: Order) -> None:
+    """Each model leaves its mark in x and the evidence reads the mark: a two-state hidden Markov model,
+    inside a Bernoulli filter without births or deaths. Allowance: 0.002."""
+    jdt = JdtFilter(
+        (Marker("zero", 0.0), Marker("one", 1.0)),
+        FixedSwitching(MATRIX, DT, np.array([False, False])),
+        births_over(LENGTH, 4, (0.5, 0.5)),
+        flat_profile((0.0, 0.0, 2.0, 2.0)),
+        ExistenceChain(1e-12, 1e-12),
+        particles=4000,
+        form=form,
+        order=order,
+    )
+    exact = np.empty((len(EMISSIONS), 2))
+    labels, existence = np.array([0.75, 0.25]), 0.5
+    for t, emission in enumerate(EMISSIONS):
+        labels, ratio = hmm_step(labels, MATRIX, emission, order == "model_first")
+        existence = existence * ratio / (existence * ratio + 1 - existence)
+        exact[t] = existence, labels[1]
+
+    n = 4000 if form == "sampled" else 2800
+    index = np.arange(n)
+    exists = np.ones(n, np.bool_) if form == "marginal" else index % 2 == 0
+    start = Belief(boxes(n), (index % 8 >= 6).astype(np.intp), exists, 0.5)
+    runs = np.empty((len(SEEDS), len(EMISSIONS), 2))
+    for seed in SEEDS:
+        rng, belief = np.random.default_rng(seed), start
+        for t, emission in enumerate(EMISSIONS):
+            logs = np.log(emission)
+            seen = Seen(lambda states, logs=logs: logs[states[:, X].astype(int).clip(0, 1)])
+            belief = jdt.step(belief, seen, DT, rng).belief
+            runs[seed, t] = belief.existence, belief.labels[belief.exists].mean()
+    assert_agrees(runs, exact, 0.002)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_kalman_filter(form: Form) -> None:
+    """One object that surely exists, white-noise acceleration, position measured with Gaussian noise.
+
+    Compared: means of position and velocity, their variances and their covariance. Allowances: 0.05 of
+    the standard deviation for the means, 5 % for the second moments.
+    """
+    dt, noise, measured_noise, frames = 0.2, 8.0, 1.5, 15
+    truth = np.random.default_rng(99)
+    place, speed = 20.0, 6.0
+    measured = []
+    for _ in range(frames):
+        speed += noise * np.sqrt(dt) * truth.standard_normal()
+        place += speed * dt
+        measured.append(place + measured_noise * truth.standard_normal())
+    mean, covariance = np.array([18.0, 0.0]), np.diag([9.0, 64.0])
+    exact = np.empty((frames, 5))
+    for t, z in enumerate(measured):
+        mean, covariance = kalman_step(mean, covariance, dt, noise, z, measured_noise)
+        exact[t] = *mean, covariance[0, 0], covariance[1, 1], covariance[0, 1]
+
+    jdt = JdtFilter(
+        (ConstantVelocity("only", noise),),
+        FixedSwitching(np.ones((1, 1)), dt, np.array([False])),
+        births_over(LENGTH, 4),
+        flat_profile((0.0, 0.0, 2.0, 2.0)),
+        ExistenceChain(1e-12, 1e-12),
+        particles=4000,
+        form=form,
+    )
+    n = 4000 if form == "sampled" else 2800
+    runs = np.empty((len(SEEDS), frames, 5))
+    for seed in SEEDS:
+        rng = np.random.default_rng(seed)
+        states: States = blank(n)
+        states[:, X] = 18.0 + 3.0 * rng.standard_normal(n)
+        states[:, VX] = 8.0 * rng.standard_normal(n)
+        belief = Belief(states, np.zeros(n, np.intp), np.ones(n, np.bool_), 1.0)
+        for t, z in enumerate(measured):
+            seen = Seen(lambda s, z=z: 4.0 - 0.5 * ((s[:, X] - z) / measured_noise) ** 2)
+            belief = jdt.step(belief, seen, dt, rng).belief
+            x, v = belief.states[:, X], belief.states[:, VX]
+            runs[seed, t] = x.mean(), v.mean(), x.var(), v.var(), np.cov(x, v)[0, 1]
+        assert belief.existence == pytest.approx(1.0, abs=1e-9)
+    deviation = np.sqrt(exact[:, 2:4])
+    assert_agrees(runs[:, :, :2] / deviation, exact[:, :2] / deviation, 0.05)
+    assert_agrees(runs[:, :, 2:] / exact[:, 2:], np.ones((frames, 3)), 0.05)

@@ -1,0 +1,1 @@
+"""RTSP servers that the tests start as processes of their own."""
