@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from models.profile import RowProfile
 from models.roi import Image
 from models.state import VX, VY, H, Labels, States, W, X, Y, blank
+from models.switching import draw
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +32,8 @@ class PolygonBirths:
         values = mean + spread * rng.standard_normal((n, 4))
         states[:, VX : VY + 1] = values[:, :2]
         states[:, W : H + 1] = np.exp(values[:, 2:])
-        labels = rng.choice(len(self.model_probabilities), size=n, p=self.model_probabilities)
-        return states, labels.astype(np.intp, copy=False)
+        rows = np.broadcast_to(self.model_probabilities, (n, len(self.model_probabilities)))
+        return states, draw(rows, rng)
 
 
 def polygon_births(

@@ -102,9 +102,12 @@ class JdtFilter:
         mass = np.empty(len(states))
         mass[: len(old_states)] = alive / len(old_states)
         mass[len(old_states) :] = born / len(new_states)
-        weights = mass * np.exp(observation.log_ratio(states))
+        ratio, absent_ratio = _ratios(observation.log_ratio(states))
+        weights = mass * ratio
         total = float(weights.sum())
-        existence = total / (total + 1.0 - alive - born)
+        if total <= 0.0:  # no particle is where an object could be: search anew
+            return Step(self.start(rng), None, Diagnostics(0.0, fell_back))
+        existence = total / (total + (1.0 - alive - born) * absent_ratio)
 
         estimate = _estimate(states, labels, weights, len(self.models))
         kept = systematic(weights, len(old_states), rng)
@@ -124,8 +127,11 @@ class JdtFilter:
         )
         states[newborn], labels[newborn] = self.births.draw(int(newborn.sum()), rng)
 
-        weights = np.ones(len(states))
-        weights[exists] = np.exp(observation.log_ratio(states[exists]))
+        ratio, absent_ratio = _ratios(observation.log_ratio(states[exists]))
+        weights = np.full(len(states), absent_ratio)
+        weights[exists] = ratio
+        if float(weights.sum()) <= 0.0:  # all exist, and none where an object could be: search anew
+            return Step(self.start(rng), None, Diagnostics(0.0, fell_back))
 
         alive = weights * exists
         estimate = _estimate(states, labels, alive, len(self.models)) if exists.any() else None
@@ -148,6 +154,12 @@ class JdtFilter:
         self.profile.follow(states, moved)
         moved[:, W : H + 1] *= np.exp(_SIZE_NOISE * np.sqrt(dt) * rng.standard_normal((len(moved), 2)))
         return moved, following, float(fell_back.mean()) if len(fell_back) else 0.0
+
+
+def _ratios(log_ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Likelihood ratios with E = 1 and with E = 0 (Eq. 15), divided by the largest so that none overflows."""
+    largest = max(float(log_ratio.max(initial=0.0)), 0.0)
+    return np.exp(log_ratio - largest), float(np.exp(-largest))
 
 
 def _estimate(states: States, labels: Labels, weights: NDArray[np.float64], models: int) -> Estimate | None:

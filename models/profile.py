@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from models.state import VX, VY, H, States, W, Y
@@ -31,15 +32,7 @@ class RowProfile:
 
     def at(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
-        last = len(self.mean) - 1
-        position = np.clip((rows - self.first_row) / self.row_step, 0.0, last)
-        low = np.minimum(position.astype(np.intp), max(last - 1, 0))
-        high = np.minimum(low + 1, last)
-        part = (position - low)[:, None]
-        return (
-            self.mean[low] * (1 - part) + self.mean[high] * part,
-            self.spread[low] * (1 - part) + self.spread[high] * part,
-        )
+        return _interpolate(rows, self.first_row, self.row_step, self.mean, self.spread)
 
     def follow(self, before: States, after: States) -> None:
         """Scale the size of the moved particles by how the expected size changes with the row (in place)."""
@@ -90,3 +83,19 @@ def learn_profile(states: States, height: float, least_log_size_spread: float = 
     spread = np.maximum(np.sqrt(variance), floor)
     spread[:, :2] += margin + 1e-3 * height
     return RowProfile(0.0, float(rows[1]), mean, spread)
+
+
+@njit(cache=True)
+def _interpolate(rows, first_row, row_step, mean, spread):  # type: ignore[no-untyped-def]
+    knots, quantities = mean.shape
+    means = np.empty((len(rows), quantities))
+    spreads = np.empty((len(rows), quantities))
+    for i in range(len(rows)):
+        position = min(max((rows[i] - first_row) / row_step, 0.0), knots - 1.0)
+        low = min(int(position), max(knots - 2, 0))
+        high = min(low + 1, knots - 1)
+        part = position - low
+        for k in range(quantities):
+            means[i, k] = mean[low, k] * (1.0 - part) + mean[high, k] * part
+            spreads[i, k] = spread[low, k] * (1.0 - part) + spread[high, k] * part
+    return means, spreads

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.errors import ConfigError
-from service.feed.encode import VideoWriter
+from service.encode import VideoWriter
 from service.feed.geometry import Geometry
 from service.feed.motion import BeltMotion
 from service.feed.simulator import FeedSimulator, Truth

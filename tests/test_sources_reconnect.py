@@ -101,6 +101,11 @@ def test_a_finite_source_ends_and_is_not_opened_again() -> None:
     assert rig.stream.read() is None
     assert rig.log.events == ["attempt", CONNECTED]
     assert rig.source.closed == 1
+
+
+def test_an_ended_stream_can_be_closed() -> None:
+    rig = Rig([None])
+    assert rig.stream.read() is None
     rig.stream.close()
     assert rig.stream.state is StreamState.CLOSED
 

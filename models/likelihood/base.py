@@ -41,20 +41,33 @@ def box_sum(integral, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _rounded_edges(state, scale):  # type: ignore[no-untyped-def]
+    half_w, half_h = 0.5 * scale * state[6], 0.5 * scale * state[7]
+    x0, x1 = int(np.floor(state[0] - half_w + 0.5)), int(np.floor(state[0] + half_w + 0.5))
+    y0, y1 = int(np.floor(state[1] - half_h + 0.5)), int(np.floor(state[1] + half_h + 0.5))
+    return x0, y0, x1, y1
+
+
+@njit(cache=True)
 def box_edges(state, scale, width, height):  # type: ignore[no-untyped-def]
     """Integer edges x0, y0, x1, y1 of a state's box, `scale` times as large, clipped to the picture."""
-    half_w, half_h = 0.5 * scale * state[6], 0.5 * scale * state[7]
-    x0 = min(max(int(np.floor(state[0] - half_w + 0.5)), 0), width)
-    x1 = min(max(int(np.floor(state[0] + half_w + 0.5)), 0), width)
-    y0 = min(max(int(np.floor(state[1] - half_h + 0.5)), 0), height)
-    y1 = min(max(int(np.floor(state[1] + half_h + 0.5)), 0), height)
-    return x0, y0, x1, y1
+    x0, y0, x1, y1 = _rounded_edges(state, scale)
+    return (
+        min(max(x0, 0), width),
+        min(max(y0, 0), height),
+        min(max(x1, 0), width),
+        min(max(y1, 0), height),
+    )
 
 
 @njit(cache=True)
 def inside_share(inside, state):  # type: ignore[no-untyped-def]
     """Share of a state's box, clipped parts counted as outside, that lies in the polygon."""
     height, width = inside.shape[0] - 1, inside.shape[1] - 1
-    x0, y0, x1, y1 = box_edges(state, 1.0, width, height)
-    area = max(state[6] * state[7], 1.0)
-    return min(box_sum(inside, x0, y0, x1, y1) / area, 1.0)
+    x0, y0, x1, y1 = _rounded_edges(state, 1.0)
+    area = (x1 - x0) * (y1 - y0)
+    if area <= 0:
+        return 0.0
+    left, right = min(max(x0, 0), width), min(max(x1, 0), width)
+    top, bottom = min(max(y0, 0), height), min(max(y1, 0), height)
+    return box_sum(inside, left, top, right, bottom) / area

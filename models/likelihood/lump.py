@@ -3,8 +3,8 @@
 A lump differs from the rubble around it: its surface is smoother or rougher, brighter or darker, and
 it has an outline. A few features of a box against the ring around it are weighed by a logistic
 regression. Trained on equally many boxes with and without a lump, its logit is the log likelihood
-ratio. All features come from integral images, so a box costs the same whatever its size, and all
-compare inside with outside, so that a change of light cancels.
+ratio. All features come from integral images, so a box costs the same whatever its size, and all are
+ratios or differences, so that a change of light cancels.
 """
 
 from __future__ import annotations
@@ -169,6 +169,6 @@ def _features(brightness, square, gradient, inside, states, least_inside):  # ty
         out[i, 3] = np.log((texture_in + _NOISE) / (texture_ring + _NOISE))
         out[i, 4] = np.log((texture_band + _NOISE) / (texture_in + _NOISE))
         out[i, 5] = np.log((np.sqrt(var_in) + _NOISE) / noise)
-        out[i, 6] = np.log(texture_in + _NOISE)
-        out[i, 7] = np.log(texture_ring + _NOISE)
+        out[i, 6] = np.log((texture_in + _NOISE) / noise)
+        out[i, 7] = np.log((texture_ring + _NOISE) / noise)
     return out, valid

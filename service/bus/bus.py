@@ -51,7 +51,7 @@ class Bus:
         self._closed = False
         self._values = Worker("last values")
         # A session with callbacks that is still open when the interpreter ends aborts the process.
-        atexit.register(self.close)
+        atexit.register(self._close_at_exit)
 
     def __enter__(self) -> Self:
         return self
@@ -65,21 +65,19 @@ class Bus:
         return self._closed
 
     def close(self) -> None:
-        """Close everything, receivers first, within some 2 s even where peers are stuck; idempotent."""
-        with self._lock:
-            if self._closed:
-                return
-            self._closed = True
-        atexit.unregister(self.close)
-        closer = threading.Thread(target=self._shut, name="bus close", daemon=True)
-        try:
-            closer.start()
-        except RuntimeError:  # newer interpreters start no thread while they end
-            self._shut()
+        """Close everything, receivers first; idempotent, returns within some 2 s.
+
+        A frozen peer on a full connection makes zenoh itself wait some 10 s. That goes on behind the
+        scenes, and the interpreter waits for its end: ending earlier would abort the process.
+        """
+        if not self._begin_close():
             return
+        atexit.unregister(self._close_at_exit)
+        closer = threading.Thread(target=self._shut, name="bus close", daemon=False)
+        closer.start()
         closer.join(_CLOSE_S)
         if closer.is_alive():
-            _log.warning("bus: not closed after %s s, left behind", _CLOSE_S)
+            _log.warning("bus: a peer does not answer; still closing after %s s", _CLOSE_S)
 
     def frame_publisher(
         self, key: str, jpeg_key: str | None = None, jpeg_quality: int = 85
@@ -233,6 +231,15 @@ class Bus:
         with self._declaring(selector):
             replies = self._session.liveliness().get(selector, timeout=timeout_s)
             return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+
+    def _begin_close(self) -> bool:
+        with self._lock:
+            first, self._closed = not self._closed, True
+        return first
+
+    def _close_at_exit(self) -> None:
+        if self._begin_close():
+            self._shut()  # no thread can be started or waited for any more
 
     def _shut(self) -> None:
         for handle in [*self._receivers, *self._senders]:

@@ -1,2 +1,176 @@
-def add(commands):
-    pass
+"""`lumpwatch demo`: the whole product on a simulated crusher, with lines that a person can follow."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import threading
+import time
+from collections import Counter
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from rich.console import Console
+
+from service.bus.bus import Bus
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import describe_alarm
+from service.cli.common import Commands, add_command, stop_on_signals
+from service.config import SiteConfig, parse
+from service.config.bus import BusConfig
+from service.daemon import Addresses
+from service.daemon import run as run_daemon
+from service.feed.simulator import FeedSimulator
+from service.feed.spec import FeedSpec
+from service.logs import log_to_stderr
+from service.messages import AlarmEvent, StateMessage
+from service.store.priors import PriorStore, read_file
+
+FEED = "lumps_per_minute=8&dust=0.25"
+CAMERA, ROI = "crusher-1", "apron"
+_EVERY_S = 2.0
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "demo",
+        demo,
+        "Run the daemon on a simulated crusher feed and follow it as a bus client would.",
+        "lumpwatch demo --seconds 60",
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=0.0, help="end by itself after this long (default: Ctrl-C ends it)"
+    )
+    parser.add_argument("--seed", type=int, default=4, help="seed of the simulated feed")
+
+
+def demo_config(store: Path, seed: int) -> str:
+    """The configuration of the demo, as a user would write it."""
+    polygon = [[round(v, 4) for v in point] for point in FeedSimulator(FeedSpec()).polygon]
+    return f"""\
+site: demo
+bus: {{mode: router, listen: ["tcp/127.0.0.1:0"]}}
+store: {{path: "{store}"}}
+telemetry: {{listen: "127.0.0.1:0"}}
+cameras:
+  - id: {CAMERA}
+    source: {{url: "sim:feed?{FEED}", seed: {seed}}}
+    rois:
+      - id: {ROI}
+        polygon: {polygon}
+        alarm: {{raise_above: 0.9, clear_below: 0.5, on_delay_s: 0.2, off_delay_s: 1.0, latch: false}}
+"""
+
+
+def demo(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    log_to_stderr()
+    stop = stop_on_signals()
+    console = Console(highlight=False)
+    with tempfile.TemporaryDirectory(prefix="lumpwatch-demo-") as folder:
+        text = demo_config(Path(folder) / "var", arguments.seed)
+        config = parse(text, "demo configuration")
+        console.print("[bold]The configuration of this demo:[/bold]")
+        console.print(text, markup=False, soft_wrap=True)
+        with as_file(files("service.feed") / "demo.prior") as prior:
+            PriorStore(config.store.path).save(read_file(prior))
+        follower = _Follower(config, console, arguments.seconds, stop)
+        run_daemon(config, stop, on_ready=follower.start)
+        follower.join()
+    return follower.summary()
+
+
+class _Follower:
+    """An outside subscriber: joins the bus as any client, counts and prints."""
+
+    def __init__(self, config: SiteConfig, console: Console, seconds: float, stop: threading.Event) -> None:
+        self._config = config
+        self._console = console
+        self._seconds = seconds
+        self._stop = stop
+        self._frames = 0
+        self._last: StateMessage | None = None
+        self._ages: list[float] = []
+        self._alarms: Counter[str] = Counter()
+        self._thread: threading.Thread | None = None
+        self._began = time.monotonic()
+
+    def start(self, addresses: Addresses) -> None:
+        """Follow in a thread of its own; called when the daemon is up."""
+        self._console.print(f"bus      {', '.join(addresses.bus)}")
+        self._console.print(f"metrics  {addresses.telemetry}/metrics   (also /readyz, /livez)")
+        self._console.print("The simulated camera and the filter are starting; kernels compile once.\n")
+        self._thread = threading.Thread(target=self._follow, args=(addresses,), name="follower", daemon=True)
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait for the thread."""
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+
+    def summary(self) -> int:
+        """Print what happened; 1 where no frame was ever decided."""
+        seconds = time.monotonic() - self._began
+        self._console.print(
+            f"\n[bold]{self._frames} frames decided in {seconds:.0f} s; "
+            f"alarms raised {self._alarms['raised']}, cleared {self._alarms['cleared']}.[/bold]"
+        )
+        if self._ages:
+            ages = sorted(self._ages)
+            middle, late = ages[len(ages) // 2], ages[int(0.99 * (len(ages) - 1))]
+            self._console.print(
+                f"From capture to decision: median {1000 * middle:.0f} ms, 99 % within {1000 * late:.0f} ms."
+            )
+        return 0 if self._frames else 1
+
+    def _follow(self, addresses: Addresses) -> None:
+        bus_config = BusConfig(mode="client", connect=addresses.bus)
+        keys = Keys(self._config.site)
+        with open_client(bus_config, self._stop) as bus:
+            bus.subscribe(keys.states(), self._on_state)
+            bus.subscribe_alarms(keys.alarms(), self._on_alarm)
+            self._tell(bus)
+
+    def _tell(self, bus: Bus) -> None:
+        told, frames = time.monotonic(), 0
+        while not self._stop.wait(0.2):
+            now = time.monotonic()
+            if self._frames and self._began < told and self._seconds and now - self._began > self._seconds:
+                self._stop.set()
+            if self._seconds and now - self._began > self._seconds + 120:
+                self._stop.set()
+            if now - told >= _EVERY_S and self._last is not None:
+                rate = (self._frames - frames) / (now - told)
+                told, frames = now, self._frames
+                self._console.print(_line(self._last, rate), markup=False, soft_wrap=True)
+
+    def _on_state(self, key: str, payload: bytes) -> None:
+        state = StateMessage.model_validate_json(payload)
+        if state.timing is not None and (self._last is None or state.frame != self._last.frame):
+            if self._frames == 0:
+                self._began = time.monotonic()  # the seconds of the demo count from the first frame
+            self._frames += 1
+            self._ages.append(state.timing.age_s)
+        self._last = state
+
+    def _on_alarm(self, key: str, payload: bytes) -> None:
+        event = AlarmEvent.model_validate_json(payload)
+        self._alarms[event.data.change] += 1
+        style = "bold red" if event.data.change == "raised" else "green"
+        self._console.print(f"ALARM {describe_alarm(payload)}", style=style, soft_wrap=True)
+
+
+def _line(state: StateMessage, rate: float) -> str:
+    bar = "#" * round(20 * state.existence)
+    where = ""
+    if state.objects:
+        box = state.objects[0]
+        where = f"  {box.w:.0f} x {box.h:.0f} px at row {box.y + box.h / 2:.0f}, {box.model}"
+    reason = f" ({state.reason.value})" if state.reason else ""
+    return (
+        f"{state.camera}/{state.roi} {state.state.value:5}{reason} {rate:5.1f} frames/s  "
+        f"existence {state.existence:4.2f} [{bar:20}]{where}"
+    )

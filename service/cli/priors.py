@@ -22,7 +22,7 @@ def add(commands: Commands) -> None:
         commands,
         "priors",
         priors,
-        "List the stored versions of a ROI's prior, draw one, go back to one, or move one to another machine.",
+        "List the stored versions of a ROI's prior, draw one, go back to one, or move one elsewhere.",
         "lumpwatch priors rollback site.yaml --camera crusher-1 --roi apron --version 3",
     )
     parser.add_argument("action", choices=("list", "show", "rollback", "export", "import"), help="what to do")

@@ -46,11 +46,10 @@ def read_frames(camera: CameraConfig, video: Path) -> tuple[Iterator[Frame], int
 
     Raises SourceError.
     """
-    want = "i420" if camera.needs_colour else "gray8"
     source = make_source(
         file_source(camera, video),
         camera.id,
-        want,
+        "i420" if camera.needs_colour else "gray8",
         count=lambda _: None,
         monotonic=lambda: 0.0,  # times are those of the file alone
         wall=lambda: 0.0,

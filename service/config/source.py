@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Literal, Self
-from urllib.parse import urlsplit, urlunsplit
+from urllib.parse import urlsplit
 
 from pydantic import Field, SecretStr, field_validator, model_validator
 
@@ -15,17 +16,16 @@ PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 def redact(url: str) -> str:
-    """The URL with user, password and query replaced, fit for logs, metrics and messages."""
-    try:
-        parts = urlsplit(url)
-        netloc = parts.netloc
-    except ValueError:
-        return "<unreadable url>"
-    if not parts.scheme or not netloc:
+    """The URL with user, password and query replaced, fit for logs, metrics and messages.
+
+    Passwords may hold any character, so everything up to the last @ is hidden.
+    """
+    scheme, separator, rest = url.partition("://")
+    if not separator:
         return url
-    host = netloc.rpartition("@")[2]
-    safe = f"***@{host}" if "@" in netloc else host
-    return urlunsplit((parts.scheme, safe, parts.path, "***" if parts.query else "", ""))
+    secret, at, place = rest.rpartition("@")
+    place, question, _ = place.partition("?")
+    return f"{scheme}://{'***@' if secret or at else ''}{place}{'?***' if question else ''}"
 
 
 class BackoffConfig(Strict):
@@ -109,4 +109,5 @@ class SourceConfig(Strict):
             return "rtsp"
         if url.startswith("sim:"):
             return "simulated"
-        return "images" if self.path.is_dir() else "video"
+        # os.path answers False where a folder on the way may not be read; the source then names that fault.
+        return "images" if os.path.isdir(self.path) else "video"  # noqa: PTH112

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from service.feed.encode import VideoWriter
+from service.encode import VideoWriter
 from service.feed.simulator import FeedSimulator, Truth
 from service.feed.spec import FeedSpec
 

@@ -19,6 +19,8 @@ _WORDS = {
     Fault.CORRUPT: "damaged, or not a video",
 }
 
+_CONCEAL = ("h264", "hevc")
+
 
 def fault_of(error: FFmpegError, otherwise: Fault) -> Fault:
     """The fault that the type of the error stands for."""
@@ -53,6 +55,9 @@ def video_stream(container: InputContainer, name: str) -> VideoStream:
         raise SourceError(Fault.CODEC, f"{name}: no decoder for its video stream")
     # Threads that decode frames side by side would hold each frame back by one per thread.
     stream.thread_type = "NONE"
+    if stream.codec_context.name in _CONCEAL:
+        # By default these paint over damage and hand out the result as a good picture.
+        stream.codec_context.options = {"err_detect": "explode"}
     return stream
 
 

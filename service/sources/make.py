@@ -18,7 +18,7 @@ def make_source(
     count: Callable[[str], None],
     monotonic: Callable[[], float] = time.monotonic,
     wall: Callable[[], float] = time.time,
-    sleep: Callable[[float], None] = time.sleep,
+    sleep: Callable[[float], object] = time.sleep,
 ) -> Source:
     """The source that the URL means, not yet open.
 

@@ -30,7 +30,7 @@ class Pacer:
         max_late_s: float,
         monotonic: Callable[[], float],
         wall: Callable[[], float],
-        sleep: Callable[[float], None],
+        sleep: Callable[[float], object],
         slipped: Callable[[], None],
     ) -> None:
         self._pace = pace

@@ -1,8 +1,8 @@
 """From a decoded picture to the planes that the rest of the program works on.
 
 Luma is passed as it was coded: what a camera sends in limited range (16-235) stays so, full range
-stays so. Only pictures without an 8-bit luma plane are converted: RGB to full-range luma (BT.601),
-YUV of more bits to 8 bits of the same range.
+stays so. Only pictures without an 8-bit luma plane are converted: RGB, palettes and deep gray to
+full-range luma (BT.601), YUV of more bits to 8 bits of the same range.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ def extract(frame: VideoFrame, want: Want) -> NDArray[np.uint8]:
 
 
 def _to_i420(frame: VideoFrame) -> VideoFrame:
-    if frame.format.name == "gray" or frame.format.is_rgb:
+    layout = frame.format
+    if layout.is_rgb or layout.has_palette or len(layout.components) < 3:
         return frame.reformat(format="yuv420p", dst_color_range=ColorRange.JPEG)
     return frame.reformat(format="yuv420p")
 

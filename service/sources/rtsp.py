@@ -41,7 +41,7 @@ class RtspSource:
     """H.264, H.265 or MJPEG over RTSP; see `Source` for the contract.
 
     `open` ends within `open_timeout_s` and a silent stream within `read_timeout_s`, each plus what
-    FFmpeg takes to notice (some 0.1 s). `read_timeout_s` should be more than two frame intervals.
+    FFmpeg takes to notice (some 0.2 s). `read_timeout_s` should be more than two frame intervals.
     """
 
     def __init__(

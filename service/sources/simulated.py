@@ -26,7 +26,7 @@ class SimulatedSource:
         camera_id: str,
         monotonic: Callable[[], float],
         wall: Callable[[], float],
-        sleep: Callable[[float], None],
+        sleep: Callable[[float], object],
     ) -> None:
         self._pace = config.pace
         self._monotonic, self._wall, self._sleep = monotonic, wall, sleep

@@ -23,7 +23,7 @@ from models.motion import (
     RandomWalk,
 )
 from models.profile import RowProfile
-from models.state import AX, VX, Belief, H, Labels, States, W, X, Y
+from models.state import Belief, H, Labels, States, W, X, Y
 from models.switching import FixedSwitching
 from tests.models.helpers import Marker, Seen, births_over, boxes, flat, flat_profile
 
@@ -194,7 +194,8 @@ def test_estimate_stays_with_one_of_two_candidates(form: Form) -> None:
     """Three quarters of the weight at x = 20, a quarter at x = 80: not the mean of 35."""
     jdt = make_filter(form=form)
     belief = belief_of(jdt, 1.0)
-    belief.states[:, X] = np.where(np.arange(len(belief.states)) % 2, 20.0, 80.0)
+    # One group after the other: in alternation the regular comb of resampling would beat with them.
+    belief.states[:, X] = np.where(np.arange(len(belief.states)) < len(belief.states) / 2, 20.0, 80.0)
     seen = Seen(lambda states: np.where(states[:, X] < 50, np.log(3.0), 0.0))
     step = jdt.step(belief, seen, DT, np.random.default_rng(0))
     assert step.estimate is not None
@@ -285,30 +286,27 @@ def test_bad_time_steps_are_refused(form: Form, dt: float) -> None:
         jdt.step(belief_of(jdt, 0.5), flat(0.0), dt, np.random.default_rng(0))
 
 
-impossible = pytest.param(
-    "marginal",
-    marks=pytest.mark.xfail(
-        strict=True, reason="_step_marginal resamples weights that are all zero, and systematic refuses them"
-    ),
-)
-
-
-@pytest.mark.parametrize("form", ["sampled", impossible])
-def test_object_impossible_everywhere(form: Form) -> None:
-    """A ratio of zero at every state means that there is no object; it is not an error."""
-    jdt = make_filter(form=form)
-    step = jdt.step(belief_of(jdt, 0.5), flat(-np.inf), DT, np.random.default_rng(0))
+@both_forms
+@pytest.mark.parametrize("existence", [0.5, 1.0])
+def test_object_impossible_everywhere(form: Form, existence: float) -> None:
+    """A ratio of zero at every state means that there is no object; it is not an error, and the search
+    goes on."""
+    jdt = make_filter(chain=ExistenceChain(1.0, 1.0), form=form)
+    rng = np.random.default_rng(0)
+    before = belief_of(jdt, existence)
+    step = jdt.step(before, flat(-np.inf), DT, rng)
     assert step.belief.existence == 0.0
     assert step.estimate is None
+    assert step.belief.states.shape == before.states.shape
+    assert jdt.step(step.belief, flat(3.0), DT, rng).belief.existence > 0.1
 
 
 @both_forms
-@pytest.mark.filterwarnings("ignore:overflow")
-@pytest.mark.xfail(strict=True, reason="exp() of the log ratio overflows; the largest is not taken out first")
-def test_overwhelming_evidence(form: Form) -> None:
+@pytest.mark.parametrize("log_ratio", [40.0, 800.0])
+def test_overwhelming_evidence(form: Form, log_ratio: float) -> None:
     """exp(800) is beyond a float, yet the posterior is plain: the object is there."""
     jdt = make_filter(form=form)
-    step = jdt.step(belief_of(jdt, 0.5), flat(800.0), DT, np.random.default_rng(0))
+    step = jdt.step(belief_of(jdt, 0.5), flat(log_ratio), DT, np.random.default_rng(0))
     assert step.belief.existence == pytest.approx(1.0)
 
 
@@ -370,5 +368,4 @@ def test_everything_twice_as_large_is_the_same_scene(form: Form, order: Order) -
         assert np.array_equal(a.labels, b.labels)
         assert np.allclose(b.states, 2.0 * a.states, rtol=1e-9, atol=1e-9)
     assert a.existence > 0.5
-    assert np.ptp(a.states[:, VX]) > 0
-    assert np.ptp(a.states[:, AX]) > 0 or "fall" not in {small.models[m].name for m in a.labels}
+    assert set(a.labels) == {0, 1, 2}

@@ -200,9 +200,7 @@ def enlarged(model: MotionModel, factor: float) -> MotionModel:
 @pytest.mark.parametrize("model", REGIMES + BOUNCES, ids=names)
 @settings(max_examples=25)
 @given(factor=st.floats(0.05, 20.0), dt=st.floats(1e-3, 3.0), seed=st.integers(0, 1000))
-def test_scaling_lengths_scales_the_result(
-    model: MotionModel, factor: float, dt: float, seed: int
-) -> None:
+def test_scaling_lengths_scales_the_result(model: MotionModel, factor: float, dt: float, seed: int) -> None:
     states = np.tile(START, (20, 1))
     plain = model.move(states, dt, np.random.default_rng(seed))
     large = enlarged(model, factor).move(states * factor, dt, np.random.default_rng(seed))

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from models.resampling import effective_size, systematic
 
-weight_lists = st.lists(
-    st.one_of(st.just(0.0), st.floats(1e-3, 1e3)), min_size=1, max_size=40
-).filter(lambda values: sum(values) > 0)
+weight_lists = st.lists(st.one_of(st.just(0.0), st.floats(1e-3, 1e3)), min_size=1, max_size=40).filter(
+    lambda values: sum(values) > 0
+)
 
 
 def test_offspring_are_unbiased() -> None:
@@ -69,9 +69,7 @@ def test_weights_need_not_sum_to_one(weights: list[float], seed: int, power: int
     assert np.array_equal(systematic(w * 2.0**power, 50, np.random.default_rng(seed)), plain)
 
 
-@pytest.mark.parametrize(
-    "weights", [[0.0, 0.0], [np.nan, 1.0], [1.0, np.nan], [np.inf, 1.0], [-1.0, 0.5]]
-)
+@pytest.mark.parametrize("weights", [[0.0, 0.0], [np.nan, 1.0], [1.0, np.nan], [np.inf, 1.0], [-1.0, 0.5]])
 def test_degenerate_weights_are_refused(weights: list[float]) -> None:
     with pytest.raises(ValueError, match="positive, finite sum"):
         systematic(np.array(weights), 5, np.random.default_rng(0))

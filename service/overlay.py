@@ -1,0 +1,113 @@
+"""The overlay video: what the filter saw and thought, drawn into the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import cv2
+import numpy as np
+
+from models.roi import Image
+from models.state import H, W, X, Y
+from service.config import CameraConfig
+from service.detector import RoiDetector
+from service.encode import VideoWriter
+from service.frames import Frame
+from service.messages import Decision
+from service.pipeline import CameraPipeline, RoiResult
+
+_COLOURS = {
+    Decision.CLEAR: (110, 200, 90),
+    Decision.LUMP: (60, 60, 235),
+    Decision.BLIND: (0, 190, 240),
+}
+_MODELS = ((90, 220, 255), (255, 170, 60), (200, 120, 255), (120, 255, 120))
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+class OverlayVideo:
+    """Writes one picture a frame; a context manager. The frame rate is taken from the first two frames."""
+
+    def __init__(self, path: Path, camera: CameraConfig) -> None:
+        self._path = path
+        self._camera = camera
+        self._stack = ExitStack()
+        self._writer: VideoWriter | None = None
+        self._first: tuple[float, Image] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def write(self, frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline) -> None:
+        """Draw and write one frame."""
+        picture = draw(frame, results, pipeline)
+        picture = picture[: picture.shape[0] & ~1, : picture.shape[1] & ~1]  # the codec wants even sides
+        if self._writer is not None:
+            self._writer.write(picture)
+        elif self._first is None:
+            self._first = (frame.capture_s, picture)
+        else:
+            fps = 1.0 / max(frame.capture_s - self._first[0], 1e-3)
+            height, width = picture.shape[:2]
+            self._writer = self._stack.enter_context(VideoWriter(self._path, width, height, fps))
+            self._writer.write(self._first[1])
+            self._writer.write(picture)
+
+
+def draw(
+    frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline, most_particles: int = 400
+) -> Image:
+    """The frame as BGR with polygon, particles coloured by motion model, estimate and existence."""
+    canvas = _bgr(frame)
+    for row, result in enumerate(results):
+        detector = pipeline.detector(result.roi)
+        if detector is None:
+            continue
+        colour = _COLOURS[result.decision]
+        corners = np.round(detector.roi.corners).astype(np.int32)
+        cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
+        if result.existence > 0.1:
+            _draw_particles(canvas, detector, most_particles)
+        for found in result.detection.objects if result.detection else ():
+            low = (round(found.x), round(found.y))
+            high = (round(found.x + found.w), round(found.y + found.h))
+            cv2.rectangle(canvas, low, high, colour, 2, cv2.LINE_AA)
+            cv2.putText(canvas, found.model, (low[0], low[1] - 6), _FONT, 0.5, colour, 1, cv2.LINE_AA)
+        _draw_bar(canvas, row, result, colour)
+    return canvas
+
+
+def _bgr(frame: Frame) -> Image:
+    if frame.encoding == "bgr8":
+        return frame.data.copy()
+    if frame.encoding == "i420":
+        return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+
+
+def _draw_particles(canvas: Image, detector: RoiDetector, most: int) -> None:
+    belief = detector.belief
+    alive = np.flatnonzero(belief.exists)[:: max(1, int(belief.exists.sum()) // most)]
+    boxes = detector.roi.to_frame(belief.states[alive][:, [X, Y, W, H]])
+    centres = boxes[:, :2] + boxes[:, 2:] / 2
+    for (x, y), label in zip(centres, belief.labels[alive], strict=True):
+        cv2.circle(canvas, (round(x), round(y)), 1, _MODELS[label % len(_MODELS)], -1, cv2.LINE_AA)
+
+
+def _draw_bar(canvas: Image, row: int, result: RoiResult, colour: Sequence[int]) -> None:
+    """Name, decision and existence of one ROI at the top left."""
+    top = 8 + 30 * row
+    cv2.rectangle(canvas, (8, top), (252, top + 24), (30, 30, 30), -1)
+    width = round(240 * min(max(result.existence, 0.0), 1.0))
+    cv2.rectangle(canvas, (10, top + 19), (10 + width, top + 22), tuple(colour), -1)
+    text = f"{result.roi}: {result.decision.value}  P = {result.existence:.2f}"
+    cv2.putText(canvas, text, (14, top + 14), _FONT, 0.45, tuple(colour), 1, cv2.LINE_AA)

@@ -1,0 +1,189 @@
+"""Fitting likelihoods: the logistic regression, and lumps told from rubble on fresh pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from models.births import PolygonBirths, polygon_births
+from models.learning import LabelledView, fit_histogram, fit_lump
+from models.learning.fit import logistic
+from models.likelihood import HistogramLikelihood, LumpLikelihood
+from models.likelihood.base import LEAST_INSIDE, inside_share
+from models.likelihood.histogram import Channel
+from models.roi import Image, make_roi
+from models.state import H, States, W, X, Y
+from tests.models.helpers import area_under_roc, boxes, flat_profile, whole_picture
+
+Array = NDArray[np.float64]
+WIDTH, HEIGHT, RADIUS = 160, 120, 15.0
+
+
+def test_logistic_recovers_its_coefficients() -> None:
+    """Labels drawn from a logistic law: the slopes come back, and the offset less the log odds of the
+    classes, because both weigh the same. 60,000 samples: standard errors near 0.02."""
+    rng = np.random.default_rng(0)
+    truth, offset = np.array([1.5, -0.8, 0.0]), -1.0
+    x = rng.standard_normal((60_000, 3))
+    y = rng.random(len(x)) < expit(x @ truth + offset)
+    fit = logistic(x, y, ridge=1e-8)
+    assert fit.weights == pytest.approx(truth, abs=0.1)
+    assert fit.offset == pytest.approx(offset - np.log(y.mean() / (1 - y.mean())), abs=0.1)
+
+
+@pytest.mark.parametrize("positives", [20_000, 2_000])
+def test_logit_is_the_log_likelihood_ratio(positives: int) -> None:
+    """Gaussians of unit spread around +1 and -0.5 along the first axis have log N(x; 1) - log N(x; -0.5)
+    = 1.5 x - 0.375, however many samples each has."""
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal((positives + 20_000, 2))
+    y = np.arange(len(x)) < positives
+    x[:, 0] += np.where(y, 1.0, -0.5)
+    fit = logistic(x, y, ridge=1e-8)
+    assert fit.weights == pytest.approx([1.5, 0.0], abs=0.12)
+    assert fit.offset == pytest.approx(-0.375, abs=0.12)
+
+
+def test_ridge_keeps_separable_classes_finite() -> None:
+    x = np.array([[-2.0], [-1.0], [1.0], [2.0]])
+    y = x[:, 0] > 0
+    loose, tight = logistic(x, y, ridge=1e-3), logistic(x, y, ridge=1.0)
+    assert 0 < tight.weights[0] < loose.weights[0] < 100
+    assert tight.offset == pytest.approx(0.0, abs=1e-4)
+    # At the optimum the ridge's slope balances the mean of expit(-margin) |x|.
+    w = tight.weights[0]
+    assert w == pytest.approx(0.5 * (expit(-w) + 2 * expit(-2 * w)), abs=1e-4)
+
+
+@pytest.mark.parametrize("value", [True, False])
+def test_logistic_needs_both_classes(value: bool) -> None:
+    with pytest.raises(ValueError, match="both"):
+        logistic(np.zeros((5, 2)), np.full(5, value))
+
+
+def scene(rng: np.random.Generator, lump: bool) -> tuple[Image, Image, States]:
+    """Rough ground, and a smooth bright bluish disc somewhere: luma, BGR, and the disc's state."""
+    gray = 90 + 25 * rng.standard_normal((HEIGHT, WIDTH))
+    colour = np.repeat(gray[..., None], 3, axis=2)
+    objects = boxes(1 if lump else 0)
+    if lump:
+        x, y = rng.uniform(25, WIDTH - 25), rng.uniform(25, HEIGHT - 25)
+        rows, columns = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+        disc = np.hypot(columns - x, rows - y) <= RADIUS
+        smooth = 140 + 4 * rng.standard_normal(int(disc.sum()))
+        gray[disc] = smooth
+        colour[disc] = smooth[:, None] + np.array([60.0, 0.0, -40.0])
+        objects[:, X], objects[:, Y] = x, y
+        objects[:, W : H + 1] = 2 * RADIUS
+    as_bytes = (np.clip(picture, 0, 255).astype(np.uint8) for picture in (gray, colour))
+    return *as_bytes, objects
+
+
+def births() -> PolygonBirths:
+    """Boxes as large as the disc, give or take a fifth, all over the picture."""
+    size = np.log(2 * RADIUS)
+    profile = flat_profile((0.0, 0.0, size, size), spread=0.2)
+    return polygon_births(np.ones((HEIGHT, WIDTH), np.uint8), profile, np.ones(1))
+
+
+def labelled(seed: int, pictures: int, coloured: bool = False) -> list[LabelledView]:
+    """Pictures of which two in three hold a lump."""
+    rng = np.random.default_rng(seed)
+    views = []
+    for i in range(pictures):
+        gray, colour, objects = scene(rng, lump=i % 3 != 2)
+        views.append(LabelledView(whole_picture(gray).view(gray, colour if coloured else None), objects))
+    return views
+
+
+def overlaps(state: Array, other: Array) -> bool:
+    """Whether two boxes have more than a quarter of their union in common, corner by corner."""
+    low = [max(state[i] - state[i + 6] / 2, other[i] - other[i + 6] / 2) for i in (0, 1)]
+    high = [min(state[i] + state[i + 6] / 2, other[i] + other[i + 6] / 2) for i in (0, 1)]
+    common = max(high[0] - low[0], 0.0) * max(high[1] - low[1], 0.0)
+    return bool(common > 0.25 * (state[6] * state[7] + other[6] * other[7] - common))
+
+
+def scores(
+    likelihood: LumpLikelihood | HistogramLikelihood, views: list[LabelledView]
+) -> tuple[Array, Array]:
+    """Log ratios of the labelled boxes, and of boxes elsewhere that lie in the polygon."""
+    rng = np.random.default_rng(99)
+    found, missed = [], []
+    for item in views:
+        seen = likelihood.observe(item.view)
+        found.append(seen.log_ratio(item.objects))
+        tried = births().draw(100, rng)[0]
+        elsewhere = [
+            state
+            for state in tried
+            if inside_share(item.view.inside, state) >= LEAST_INSIDE
+            and not any(overlaps(state, other) for other in item.objects)
+        ]
+        missed.append(seen.log_ratio(np.array(elsewhere)))
+    return np.concatenate(found), np.concatenate(missed)
+
+
+def test_fit_lump_separates_fresh_pictures() -> None:
+    fit = fit_lump(labelled(1, 18), births(), np.random.default_rng(0))
+    likelihood = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
+    found, missed = scores(likelihood, labelled(2, 18))
+    assert len(found) == 12
+    assert area_under_roc(found, missed) > 0.95
+    assert np.median(found) > 0 > np.median(missed)
+
+
+@pytest.mark.parametrize("channel", ["luma", "colour"])
+def test_fit_histogram_separates_fresh_pictures(channel: Channel) -> None:
+    coloured = channel == "colour"
+    fit = fit_histogram(labelled(1, 18, coloured), births(), channel, np.random.default_rng(0))
+    likelihood = HistogramLikelihood(fit.reference, fit.offset, fit.slope, 1.0, np.inf, channel)
+    assert fit.reference.sum() == pytest.approx(1.0)
+    assert fit.reference.min() > 0
+    assert fit.slope > 0
+    assert fit.channel == channel
+    found, missed = scores(likelihood, labelled(2, 18, coloured))
+    assert area_under_roc(found, missed) > 0.95
+    assert np.median(found) > 0 > np.median(missed)
+
+
+def test_histogram_reference_is_that_of_the_objects() -> None:
+    """A box around a disc of 140 +- 4 holds pi/4 of bin 8 (128 to 143, below one sd) and a little of 9."""
+    fit = fit_histogram(labelled(1, 18), births(), "luma", np.random.default_rng(0))
+    assert fit.reference.argmax() == 8
+    assert 0.5 < fit.reference[8] < 0.8
+
+
+def test_same_seed_same_fit() -> None:
+    views = labelled(1, 6)
+    one, two = (fit_lump(views, births(), np.random.default_rng(5), rounds=1) for _ in range(2))
+    assert one.weights.tobytes() == two.weights.tobytes()
+    assert one.offset == two.offset
+
+
+def test_no_usable_box_is_refused() -> None:
+    """No object at all, or one outside the polygon."""
+    empty = [item for item in labelled(1, 6) if len(item.objects) == 0]
+    outside = [LabelledView(item.view, boxes(1, x=900.0, y=60.0, w=30.0, h=30.0)) for item in empty]
+    for views in (empty, outside):
+        with pytest.raises(ValueError, match="no labelled box"):
+            fit_lump(views, births(), np.random.default_rng(0))
+        with pytest.raises(ValueError, match="no labelled box"):
+            fit_histogram(views, births(), "luma", np.random.default_rng(0))
+
+
+def test_colour_histogram_needs_colour() -> None:
+    with pytest.raises(ValueError, match="needs colour"):
+        fit_histogram(labelled(1, 3), births(), "colour", np.random.default_rng(0))
+
+
+def test_lump_at_the_edge_of_a_polygon_is_left_out() -> None:
+    """Labelled boxes that lie mostly outside teach nothing; the others suffice."""
+    views = labelled(1, 9)
+    roi = make_roi([(0, 0), (1, 0), (1, 1), (0, 1)], WIDTH, HEIGHT, WIDTH)
+    far = boxes(1, x=-5.0, y=60.0, w=30.0, h=30.0)
+    more = [LabelledView(roi.view(item.view.gray), np.concatenate([item.objects, far])) for item in views]
+    fit = fit_lump(more, births(), np.random.default_rng(0), rounds=1)
+    assert np.all(np.isfinite(fit.weights))

@@ -1,0 +1,146 @@
+"""The row profile: interpolation, learning by a kernel average over rows, and scaling."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from models.profile import RowProfile, default_profile, learn_profile
+from models.state import VX, VY, H, States, W, Y
+from tests.models.helpers import boxes
+
+LOG_10, LOG_40 = np.log(10.0), np.log(40.0)
+SLOPING = RowProfile(
+    20.0,
+    100.0,
+    np.array([[0.0, 5.0, LOG_10, LOG_10], [2.0, 25.0, LOG_40, LOG_10]]),
+    np.array([[1.0, 1.0, 0.1, 0.1], [3.0, 5.0, 0.3, 0.1]]),
+)
+"""At row 20: 10 x 10 px at (0, 5) px/s; at row 120: 40 x 10 px at (2, 25) px/s."""
+
+
+def moving(y: float, vx: float, vy: float, w: float, h: float, n: int = 1) -> States:
+    states = boxes(n, 0.0, y, w, h)
+    states[:, VX], states[:, VY] = vx, vy
+    return states
+
+
+def test_rows_between_and_beyond_the_knots() -> None:
+    """A quarter of the way the mean is (0.5, 10, ...) and the width 10 * 4^(1/4); the ends hold."""
+    mean, spread = SLOPING.at(np.array([20.0, 45.0, 120.0, -500.0, 900.0]))
+    assert mean[1] == pytest.approx([0.5, 10.0, LOG_10 + 0.25 * np.log(4), LOG_10])
+    assert spread[1] == pytest.approx([1.5, 2.0, 0.15, 0.1])
+    for row, knot in ((0, 0), (2, 1), (3, 0), (4, 1)):
+        assert np.array_equal(mean[row], SLOPING.mean[knot])
+        assert np.array_equal(spread[row], SLOPING.spread[knot])
+
+
+def test_profile_of_one_row_is_constant() -> None:
+    one = RowProfile(5.0, 1.0, SLOPING.mean[:1], SLOPING.spread[:1])
+    mean, spread = one.at(np.array([-3.0, 5.0, 99.0]))
+    assert np.array_equal(mean, np.repeat(SLOPING.mean[:1], 3, axis=0))
+    assert np.array_equal(spread, np.repeat(SLOPING.spread[:1], 3, axis=0))
+
+
+def test_follow_scales_the_size_by_the_expected_one() -> None:
+    """From row 20 to 70 the expected width doubles (half of log 4) and the height stays: 12 x 9 px become
+    24 x 9."""
+    before, after = moving(20, 0, 0, 12, 9), moving(70, 3, 4, 12, 9)
+    SLOPING.follow(before, after)
+    assert after[0, [W, H]] == pytest.approx([24.0, 9.0])
+    assert np.array_equal(after[0, :W], moving(70, 3, 4, 12, 9)[0, :W])
+    assert np.array_equal(before, moving(20, 0, 0, 12, 9))
+
+
+def test_follow_is_limited() -> None:
+    """A jump over all rows changes a size by exp(0.7) at most, not by 4."""
+    before, after = moving(20, 0, 0, 12, 9), moving(120, 0, 0, 12, 9)
+    SLOPING.follow(before, after)
+    assert after[0, [W, H]] == pytest.approx([12 * np.exp(0.7), 9.0])
+    SLOPING.follow(moving(120, 0, 0, 12, 9), back := moving(20, 0, 0, 12, 9))
+    assert back[0, [W, H]] == pytest.approx([12 * np.exp(-0.7), 9.0])
+
+
+@given(st.floats(20, 120), st.floats(0.05, 20))
+def test_scaled(row: float, factor: float) -> None:
+    """Velocities scale with the picture, log sizes shift, spreads of log sizes stay."""
+    mean, spread = SLOPING.at(np.array([row]))
+    large_mean, large_spread = SLOPING.scaled(factor).at(np.array([row * factor]))
+    assert large_mean[0, :2] == pytest.approx(mean[0, :2] * factor, rel=1e-6, abs=1e-9)
+    assert np.exp(large_mean[0, 2:]) == pytest.approx(np.exp(mean[0, 2:]) * factor, rel=1e-6)
+    assert large_spread[0, :2] == pytest.approx(spread[0, :2] * factor, rel=1e-6)
+    assert large_spread[0, 2:] == pytest.approx(spread[0, 2:], rel=1e-6)
+
+
+def test_scaling_leaves_the_profile_alone() -> None:
+    before = SLOPING.mean.copy(), SLOPING.spread.copy()
+    SLOPING.scaled(3.0)
+    assert np.array_equal(SLOPING.mean, before[0])
+    assert np.array_equal(SLOPING.spread, before[1])
+
+
+def test_default_profile_by_hand() -> None:
+    """Sizes from 10 to 40 px: geometric mean 20, and exp(2 sd) = 2. Speed 30 px/s: 15 +- 15 downwards."""
+    profile = default_profile(200.0, 10.0, 40.0, 30.0)
+    for row in (0.0, 130.0, 200.0):
+        mean, spread = profile.at(np.array([row]))
+        assert mean[0, :2] == pytest.approx([0.0, 15.0])
+        assert np.exp(mean[0, 2:]) == pytest.approx([20.0, 20.0])
+        assert spread[0, :2] == pytest.approx([3.0, 15.0])
+        assert np.exp(2 * spread[0, 2:]) == pytest.approx([2.0, 2.0])
+
+
+def kernel_average(rows: NDArray[np.float64], row: float, height: float) -> NDArray[np.float64]:
+    """Weights of training rows at one row: a Gaussian whose bandwidth is a tenth of the height."""
+    weights = np.array([np.exp(-0.5 * ((y - row) / (0.1 * height)) ** 2) for y in rows])
+    return weights / weights.sum()
+
+
+def test_learned_from_two_rows_by_hand() -> None:
+    """100 rows, so a bandwidth of 10. Row 40 sees (vx, vy) = (0, 10) and 10 x 10 px, row 60 (0, 30) and
+    40 x 40 px. Half way both weigh the same: mean 20 px/s, spread 10 plus the margin of a tenth of 20 and
+    of 1e-3 of the height; sizes log 20 with a spread of log 2."""
+    states = np.concatenate([moving(40, 0, 10, 10, 10), moving(60, 0, 30, 40, 40)])
+    mean, spread = learn_profile(states, 100.0).at(np.array([50.0, 0.0, 100.0]))
+    assert mean[0] == pytest.approx([0.0, 20.0, np.log(20), np.log(20)])
+    assert spread[0] == pytest.approx([2.1, 12.1, np.log(2), np.log(2)])
+    # At the ends the nearer row has exp(-16/2 + 36/2) = 22,026 times the weight of the other.
+    share = 1 / (1 + np.exp(10.0))
+    assert mean[1, 1] == pytest.approx(10 + 20 * share)
+    assert mean[2, 1] == pytest.approx(30 - 20 * share)
+    assert spread[1, 2:] == pytest.approx([0.1, 0.1])
+
+
+def test_learned_at_its_knots_against_a_plain_average() -> None:
+    rng = np.random.default_rng(3)
+    states = boxes(60)
+    states[:, Y] = rng.uniform(10, 150, 60)
+    states[:, [VX, VY]] = rng.normal((1.0, 20.0), (2.0, 6.0), (60, 2))
+    states[:, [W, H]] = np.exp(rng.normal(3.0, 0.3, (60, 2)))
+    profile = learn_profile(states, 160.0)
+    for row in (0.0, 70.0, 160.0):
+        weights = kernel_average(states[:, Y], row, 160.0)
+        values = np.column_stack([states[:, VX], states[:, VY], np.log(states[:, W]), np.log(states[:, H])])
+        centre = weights @ values
+        deviation = np.sqrt(weights @ (values - centre) ** 2)
+        mean, spread = profile.at(np.array([row]))
+        assert mean[0] == pytest.approx(centre)
+        speed = np.hypot(centre[0], centre[1])
+        assert spread[0, :2] == pytest.approx(deviation[:2] + 0.1 * speed + 0.16)
+        assert spread[0, 2:] == pytest.approx(np.maximum(deviation[2:], 0.1))
+
+
+def test_rows_far_from_all_training_take_the_nearest() -> None:
+    """The kernel of rows 40 bandwidths away underflows; the average must not become 0 / 0."""
+    states = moving(4000.0, 1.0, 10.0, 20.0, 20.0, n=3)
+    mean, spread = learn_profile(states, 100.0).at(np.array([0.0]))
+    assert mean[0] == pytest.approx([1.0, 10.0, np.log(20), np.log(20)])
+    assert np.all(np.isfinite(spread))
+
+
+def test_nothing_to_learn_from_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        learn_profile(np.empty((0, 8)), 100.0)

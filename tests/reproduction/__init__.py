@@ -1,0 +1,1 @@
+"""Experiments and fitted defaults, each made by one command from generated or real footage."""
