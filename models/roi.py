@@ -39,6 +39,8 @@ class Roi:
     width: int
     height: int
     """Bounding box in full-frame pixels."""
+    step: int
+    """x, y, width and height are multiples of this power of two, by which halving alone scales down."""
     scale: float
     """Working pixels per full-frame pixel, at most 1."""
     mask: Image
@@ -51,15 +53,20 @@ class Roi:
         """Height and width of the working picture."""
         return self.mask.shape[0], self.mask.shape[1]
 
-    def cut(self, picture: Image, offset: tuple[int, int] = (0, 0)) -> Image:
+    def cut(self, picture: Image, offset: tuple[int, int] = (0, 0), reduction: int = 1) -> Image:
         """Cut and scale a picture plane (h, w) or (h, w, 3) whose first pixel lies at `offset`.
 
-        Raises ValueError where the picture does not cover the region.
+        A pixel of the plane is the mean of `reduction` x `reduction` pixels of the frame (see
+        `halved`); the result is the same for every reduction up to `step`. Raises ValueError where
+        the plane does not cover the region or is reduced too far.
         """
-        x, y = self.x - offset[0], self.y - offset[1]
-        if x < 0 or y < 0 or x + self.width > picture.shape[1] or y + self.height > picture.shape[0]:
+        if self.step % reduction:
+            raise ValueError(f"the region needs at most {self.step} pixels in one, not {reduction}")
+        x, y = (self.x - offset[0]) // reduction, (self.y - offset[1]) // reduction
+        right, bottom = x + self.width // reduction, y + self.height // reduction
+        if x < 0 or y < 0 or right > picture.shape[1] or bottom > picture.shape[0]:
             raise ValueError("the picture does not cover the region of interest")
-        part = picture[y : y + self.height, x : x + self.width]
+        part = halved(picture[y:bottom, x:right], self.step // reduction)
         h, w = self.shape
         if (h, w) == part.shape[:2]:
             return np.ascontiguousarray(part)
@@ -80,23 +87,43 @@ class Roi:
         return np.hstack([full[:, :2] - full[:, 2:] / 2 + (self.x, self.y), full[:, 2:]])
 
 
+def halved(picture: Image, times_smaller: int) -> Image:
+    """The mean of blocks of `times_smaller` (a power of two) squared pixels, by repeated halving.
+
+    Halving an even number of pixels is the one scaling that OpenCV vectorises: five times halved is
+    still ten times faster than any other area mean. An odd last row or column is left out.
+    """
+    while times_smaller > 1:
+        h, w = picture.shape[0] // 2, picture.shape[1] // 2
+        picture = np.asarray(
+            cv2.resize(picture[: 2 * h, : 2 * w], (w, h), interpolation=cv2.INTER_AREA), dtype=np.uint8
+        )
+        times_smaller //= 2
+    return picture
+
+
 def make_roi(polygon: Sequence[tuple[float, float]], width: int, height: int, working_size: int) -> Roi:
     """Geometry of a polygon in relative coordinates for pictures of `width` by `height` pixels.
 
     The longer side of the bounding box is scaled down to `working_size` pixels, never up. Raises
     ValueError where fewer than 8 by 8 working pixels would be left.
     """
-    corners = np.asarray(polygon, dtype=float) * (width, height)
-    low = np.clip(np.floor(corners.min(axis=0)), 0, (width, height)).astype(int)
-    high = np.clip(np.ceil(corners.max(axis=0)), 0, (width, height)).astype(int)
-    w, h = (int(side) for side in high - low)
+    size = np.array([width, height])
+    corners = np.asarray(polygon, dtype=float) * size
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    longest = max(float((high - low).max()), 1.0)
+    step = 1 << int(np.log2(max(longest / working_size, 1.0)))
+    # A box on the grid of the halvings gives the same pixels wherever the halving is done.
+    first = np.clip(np.floor(low / step), 0, size // step).astype(int) * step
+    last = np.clip(np.ceil(high / step), 0, size // step).astype(int) * step
+    w, h = (int(side) for side in last - first)
     scale = min(1.0, working_size / max(w, h, 1))
     shape = round(h * scale), round(w * scale)
     if min(shape) < 8:
         raise ValueError(f"the region is only {w} x {h} pixels in a picture of {width} x {height}")
     mask = np.zeros(shape, np.uint8)
     # cv2 puts pixel centres at integers: half a pixel less than corner coordinates; 4 bits of fraction.
-    points = np.round(((corners - low) * scale - 0.5) * 16).astype(np.int32)
+    points = np.round(((corners - first) * scale - 0.5) * 16).astype(np.int32)
     cv2.fillPoly(mask, [points], 1, shift=4)
     inside = np.asarray(cv2.integral(mask), dtype=np.int32)
-    return Roi(corners, int(low[0]), int(low[1]), w, h, scale, mask, inside)
+    return Roi(corners, int(first[0]), int(first[1]), w, h, step, scale, mask, inside)

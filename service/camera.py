@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
-from dataclasses import replace
 from multiprocessing.connection import Connection
 
 import numpy as np
 from prometheus_client import CollectorRegistry
 
+from models.roi import Roi, make_roi
 from service.bus.errors import BusClosed
 from service.bus.keys import Keys
 from service.bus.session import open_client
@@ -18,6 +17,7 @@ from service.config import CameraConfig, SiteConfig
 from service.frames import Frame
 from service.link import WorkerLink
 from service.logs import log_to_stderr
+from service.planes import reduced
 from service.sources.base import Fault
 from service.sources.make import make_source
 from service.sources.reconnect import Reconnecting
@@ -55,10 +55,11 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
                 link.wait,
             )
             link.state = "connecting"
+            reduce = Reducer(camera)
             while (frame := _read(source, link, metrics)) is not None:
                 started = time.perf_counter()
                 whole = frame if publisher.picture_wanted else None
-                publisher.publish(cropped(frame, camera), camera.wire.encoding, whole)
+                publisher.publish(reduce(frame), camera.wire.encoding, whole)
                 metrics.stage("publish", "", time.perf_counter() - started)
             if not link.stop.is_set():
                 log.warning("camera %s: %s has ended", camera_id, camera.source.redacted)
@@ -82,16 +83,26 @@ def _read(source: Reconnecting, link: WorkerLink, metrics: CameraMetrics) -> Fra
     return frame
 
 
-def cropped(frame: Frame, camera: CameraConfig) -> Frame:
-    """The part of a luma frame that the ROIs look at; other encodings stay whole."""
-    if frame.encoding != "gray8" or frame.crop is not None:
-        return frame
-    corners = np.array([point for roi in camera.rois for point in roi.polygon])
-    x0, y0 = (math.floor(v) for v in corners.min(axis=0) * (frame.width, frame.height))
-    x1, y1 = (math.ceil(v) for v in corners.max(axis=0) * (frame.width, frame.height))
-    if (x1 - x0, y1 - y0) == (frame.width, frame.height):
-        return frame
-    return replace(frame, data=frame.data[y0:y1, x0:x1], crop=(x0, y0, x1 - x0, y1 - y0))
+class Reducer:
+    """Cuts frames down to what the camera's regions look at, whatever the size of the picture."""
+
+    def __init__(self, camera: CameraConfig) -> None:
+        self._camera = camera
+        self._size = (0, 0)
+        self._rois: tuple[Roi, ...] = ()
+
+    def __call__(self, frame: Frame) -> Frame:
+        """The reduced frame; the whole frame where a region does not fit the picture: the monitor says so."""
+        if (frame.width, frame.height) != self._size:
+            self._size = (frame.width, frame.height)
+            try:
+                self._rois = tuple(
+                    make_roi(roi.polygon, *self._size, roi.detector.working_size_px)
+                    for roi in self._camera.rois
+                )
+            except ValueError:
+                self._rois = ()
+        return reduced(frame, self._rois) if self._rois else frame
 
 
 class _Watcher:

@@ -16,7 +16,7 @@ class Frame:
     """One picture of a camera.
 
     `data` is uint8: (h, w) for gray8, (h * 3 / 2, w) for i420, (h, w, 3) for bgr8, where h and w are
-    those of `crop`. Times are seconds; `capture_s` and `received_s` are on the monotonic clock.
+    those of `crop` divided by `reduction`. Times are seconds; `capture_s` and `received_s` are on the monotonic clock.
     """
 
     seq: int
@@ -35,6 +35,9 @@ class Frame:
     data: NDArray[np.uint8]
     crop: tuple[int, int, int, int] | None = None
     """x, y, w, h of the part of the picture that `data` holds; None: all of it."""
+
+    reduction: int = 1
+    """A pixel of `data` is the mean of this many by this many pixels of the picture (gray8 only)."""
 
     @property
     def window(self) -> tuple[int, int, int, int]:

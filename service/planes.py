@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
-from models.roi import Image, Roi
+from models.roi import Image, Roi, halved
 from service.frames import Frame
 
 
@@ -14,7 +17,7 @@ def working_luma(frame: Frame, roi: Roi) -> Image:
     x, y, _, h = frame.window
     if frame.encoding == "bgr8":
         return np.asarray(cv2.cvtColor(roi.cut(frame.data, (x, y)), cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    return roi.cut(frame.data[:h] if frame.encoding == "i420" else frame.data, (x, y))
+    return roi.cut(frame.data[:h] if frame.encoding == "i420" else frame.data, (x, y), frame.reduction)
 
 
 def working_colour(frame: Frame, roi: Roi) -> Image:
@@ -23,7 +26,8 @@ def working_colour(frame: Frame, roi: Roi) -> Image:
     if frame.encoding == "bgr8":
         return roi.cut(frame.data, (x, y))
     if frame.encoding == "gray8":
-        return np.asarray(cv2.cvtColor(roi.cut(frame.data, (x, y)), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+        gray = roi.cut(frame.data, (x, y), frame.reduction)
+        return np.asarray(cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     # I420 holds one chroma sample for 2 x 2 pixels: cut on even borders around the region.
     left, top = (roi.x - x) & ~1, (roi.y - y) & ~1
     right, bottom = min((roi.x - x + roi.width + 1) & ~1, w), min((roi.y - y + roi.height + 1) & ~1, h)
@@ -33,3 +37,21 @@ def working_colour(frame: Frame, roi: Roi) -> Image:
     part = np.concatenate([frame.data[top:bottom, left:right].ravel(), chroma.ravel()])
     bgr = cv2.cvtColor(part.reshape(-1, right - left), cv2.COLOR_YUV2BGR_I420)
     return roi.cut(np.asarray(bgr, dtype=np.uint8), (x + left, y + top))
+
+
+def reduced(frame: Frame, rois: Sequence[Roi]) -> Frame:
+    """The part of a luma frame that the regions look at, halved as long as none of them needs more.
+
+    What the regions cut from it afterwards is the same to the byte. Other encodings stay whole.
+    """
+    if frame.encoding != "gray8" or frame.crop is not None:
+        return frame
+    x0, y0 = min(roi.x for roi in rois), min(roi.y for roi in rois)
+    x1, y1 = max(roi.x + roi.width for roi in rois), max(roi.y + roi.height for roi in rois)
+    step = min(roi.step for roi in rois)
+    return replace(
+        frame,
+        data=halved(frame.data[y0:y1, x0:x1], step),
+        crop=(x0, y0, x1 - x0, y1 - y0),
+        reduction=step,
+    )

@@ -94,6 +94,28 @@ def test_a_late_alarm_subscriber_gets_history_and_then_what_follows(one: Bus, tw
     assert log.calls == [(ALARM, b"%d" % n) for n in range(6, 71)]
 
 
+@pytest.mark.parametrize("join_at", range(3, 11))
+def test_a_subscriber_that_comes_in_the_midst_of_a_burst_gets_all_of_it(
+    one: Bus, two: Bus, join_at: int
+) -> None:
+    log = Log()
+    publisher = one.alarm_publisher(ALARM)
+    for n in range(40):
+        publisher.put(b"%d" % n)
+        if n == join_at:
+            two.subscribe_alarms(KEYS.alarms(), log)
+        time.sleep(0.001)
+    eventually(lambda: len(log.calls) == 40)
+    assert log.payloads == [b"%d" % n for n in range(40)]
+
+
+def test_kept_alarms_can_be_asked_for(one: Bus, two: Bus) -> None:
+    publisher = one.alarm_publisher(ALARM)
+    publisher.put(b"1")
+    publisher.put(b"2")
+    eventually(lambda: two.ask(KEYS.alarms()) == [Reply(ALARM, b"1"), Reply(ALARM, b"2")])
+
+
 def test_a_plain_subscriber_hears_alarms_too(one: Bus, two: Bus) -> None:
     log = Log()
     two.subscribe(KEYS.alarms(), log)

@@ -20,7 +20,8 @@ from service.frames import Encoding, Frame
 CLOCK = "clock-1"
 
 
-def shape_of(encoding: Encoding, width: int, height: int) -> tuple[int, ...]:
+def shape_of(encoding: Encoding, width: int, height: int, reduction: int = 1) -> tuple[int, ...]:
+    width, height = width // reduction, height // reduction
     shapes = {
         "gray8": (height, width),
         "i420": (height * 3 // 2, width),
@@ -38,9 +39,10 @@ def flat(encoding: Encoding, width: int, height: int, value: int = 128, **more: 
 def frames(draw: st.DrawFn) -> Frame:
     encoding: Encoding = draw(st.sampled_from(["gray8", "i420", "bgr8"]))
     step = 2 if encoding == "i420" else 1
-    w, h = (step * draw(st.integers(1, 24)) for _ in range(2))
+    reduction = draw(st.sampled_from([1, 2, 4])) if encoding == "gray8" else 1
+    w, h = (step * draw(st.integers(reduction, 24)) for _ in range(2))
     x, y, right, bottom = (draw(st.integers(0, 9)) for _ in range(4))
-    shape = shape_of(encoding, w, h)
+    shape = shape_of(encoding, w, h, reduction)
     data = np.random.default_rng(draw(st.integers(0, 99))).integers(0, 256, shape, np.uint8)
     times = st.floats(-1e6, 4e9)
     return Frame(
@@ -53,13 +55,14 @@ def frames(draw: st.DrawFn) -> Frame:
         encoding=encoding,
         data=data,
         crop=(x, y, w, h),
+        reduction=reduction,
     )
 
 
 def same_but_pixels(got: Frame, sent: Frame) -> bool:
     times = ((got.capture_s, sent.capture_s), (got.received_s, sent.received_s), (got.wall_s, sent.wall_s))
-    return (got.seq, got.width, got.height, got.encoding, got.crop, got.data.shape) == (
-        (sent.seq, sent.width, sent.height, sent.encoding, sent.crop, sent.data.shape)
+    return (got.seq, got.width, got.height, got.encoding, got.crop, got.reduction, got.data.shape) == (
+        (sent.seq, sent.width, sent.height, sent.encoding, sent.crop, sent.reduction, sent.data.shape)
     ) and all(abs(a - b) <= 1e-9 + 1e-15 * abs(b) for a, b in times)
 
 
@@ -77,6 +80,7 @@ def test_header_is_the_documented_json() -> None:
         "wall_ns": 1_000_000_000_250_000_000,
         "size": [10, 8],
         "crop": [4, 5, 3, 2],
+        "reduction": 1,
         "encoding": "gray8",
         "pixels": "gray8",
         "shape": [2, 3],
@@ -108,6 +112,14 @@ def test_whole_picture_has_no_crop_and_raw_pixels_are_a_view() -> None:
     assert got.crop is None
     assert not got.data.flags.writeable
     assert np.shares_memory(got.data, np.frombuffer(payload, np.uint8))
+
+
+def test_a_reduced_frame_holds_fewer_pixels_than_its_crop() -> None:
+    frame = replace(flat("gray8", 9, 7), data=np.zeros((3, 4), np.uint8), reduction=2)
+    payload, attachment = encode_frame(frame, CLOCK)
+    got = decode_frame(payload, attachment)
+    assert len(payload) == 12
+    assert (got.width, got.height, got.reduction, got.data.shape) == (9, 7, 2, (3, 4))
 
 
 def test_strided_pixels_travel_as_they_look() -> None:
@@ -179,6 +191,13 @@ def header(**changes: Any) -> bytes:
         (header(shape=[8, 8, 3]), Malformation.BAD_SHAPE),
         (header(size=[0, 8]), Malformation.BAD_SHAPE),
         (header(size=[16385, 8], shape=[8, 16385]), Malformation.BAD_SHAPE),
+        (header(reduction=3), Malformation.BAD_HEADER),
+        (header(reduction=2), Malformation.BAD_SHAPE),
+        (header(reduction=16, shape=[0, 0]), Malformation.BAD_SHAPE),
+        (
+            header(reduction=2, encoding="bgr8", pixels="bgr8", shape=[4, 4, 3]),
+            Malformation.BAD_SHAPE,
+        ),
         (header(crop=[1, 0, 8, 8]), Malformation.BAD_SHAPE),
         (header(crop=[-1, 0, 8, 8]), Malformation.BAD_SHAPE),
         (header(size=[7, 8], pixels="i420", encoding="i420", shape=[12, 7]), Malformation.BAD_SHAPE),
@@ -232,7 +251,7 @@ def decode_or_refuse(payload: bytes, attachment: bytes) -> None:
     except MalformedMessage:
         return
     _, _, w, h = got.window
-    assert got.data.shape == shape_of(got.encoding, w, h)
+    assert got.data.shape == shape_of(got.encoding, w, h, got.reduction)
 
 
 @given(st.binary(max_size=300), st.binary(max_size=300))

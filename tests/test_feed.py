@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.errors import ConfigError
 from service.encode import VideoWriter
+from service.errors import ConfigError
 from service.feed.geometry import Geometry
 from service.feed.motion import BeltMotion
 from service.feed.simulator import FeedSimulator, Truth

@@ -100,7 +100,9 @@ def _derivatives(
         return position, velocity, np.zeros_like(position)
     smooth, velocity, acceleration = (np.empty_like(position) for _ in range(3))
     for i in range(n):
-        low, high = max(0, i - half_window), min(n, i + half_window + 1)
+        # Near the ends the window keeps its length and moves inwards: a short one would be noise.
+        low = min(max(0, i - half_window), max(0, n - 2 * half_window - 1))
+        high = min(n, low + 2 * half_window + 1)
         t = (np.arange(low, high) - i) * interval
         degree = min(2, len(t) - 1)
         design = np.vander(t, degree + 1, increasing=True)

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_sum, inside_share
+from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, inside_share
 from models.roi import View
 from models.state import States
 
@@ -49,31 +48,15 @@ class LumpLikelihood:
     offset: float
     evidence: float
     bound: float
-    _planes: _Planes | None = field(default=None, repr=False)
+    _sums: NDArray[np.uint32] | None = field(default=None, repr=False)
 
     def observe(self, view: View) -> LumpObservation:
         """Compute the integral images of the picture."""
-        if self._planes is None or self._planes.shape != view.gray.shape:
-            self._planes = _Planes(view.gray.shape)
-        return LumpObservation(self, self._planes.fill(view.gray), view.inside)
-
-
-class _Planes:
-    """Integral images of brightness, its square and the gradient, in reused memory."""
-
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self.shape = shape
-        self._dx = np.empty(shape, np.int16)
-        self._dy = np.empty(shape, np.int16)
-        self._gradient = np.empty(shape, np.float32)
-
-    def fill(self, gray: NDArray[np.uint8]) -> tuple[NDArray[np.float64], ...]:
-        cv2.Sobel(gray, cv2.CV_16S, 1, 0, dst=self._dx, ksize=3)
-        cv2.Sobel(gray, cv2.CV_16S, 0, 1, dst=self._dy, ksize=3)
-        _magnitude(self._dx, self._dy, self._gradient)
-        brightness, square = cv2.integral2(gray, sdepth=cv2.CV_64F, sqdepth=cv2.CV_64F)
-        gradient = cv2.integral(self._gradient, sdepth=cv2.CV_64F)
-        return np.asarray(brightness), np.asarray(square), np.asarray(gradient)
+        height, width = view.gray.shape
+        if self._sums is None or self._sums.shape[:2] != (height + 1, width + 1):
+            self._sums = np.zeros((height + 1, width + 1, 3), np.uint32)
+        _integrate(view.gray, self._sums)
+        return LumpObservation(self, self._sums, view.inside)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,12 +64,13 @@ class LumpObservation:
     """The integral images of one picture."""
 
     likelihood: LumpLikelihood
-    planes: tuple[NDArray[np.float64], ...]
+    sums: NDArray[np.uint32]
+    """Integral images of brightness, its square and the gradient, side by side (h + 1, w + 1, 3)."""
     inside: NDArray[np.int32]
 
     def features(self, states: States) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Features (n, 8) of the states' boxes, and whether each box lies in the polygon (n,)."""
-        return _features(*self.planes, self.inside, states, LEAST_INSIDE)
+        return _features(self.sums, self.inside, states, LEAST_INSIDE)
 
     def score(self, states: States) -> NDArray[np.float64]:
         """The untempered logit (n,); -inf for a box that leaves the polygon."""
@@ -110,50 +94,69 @@ def expand(
 
 
 @njit(cache=True)
-def _magnitude(dx, dy, out):  # type: ignore[no-untyped-def]
-    height, width = dx.shape
+def _integrate(gray, out):  # type: ignore[no-untyped-def]
+    """Integral images of brightness, its square and half the gradient's length (sum of |dx| and |dy|).
+
+    One pass over the picture, the three sums of a pixel side by side in memory. They count modulo
+    2^32, which leaves the difference for a box exact as long as the box itself sums to less.
+    """
+    height, width = gray.shape
     for y in range(height):
+        above, below = max(y - 1, 0), min(y + 1, height - 1)
+        row_b, row_s, row_g = np.uint32(0), np.uint32(0), np.uint32(0)
         for x in range(width):
-            out[y, x] = 0.25 * (abs(dx[y, x]) + abs(dy[y, x]))
+            left, right = max(x - 1, 0), min(x + 1, width - 1)
+            value = np.uint32(gray[y, x])
+            dx = np.int32(gray[y, right]) - np.int32(gray[y, left])
+            dy = np.int32(gray[below, x]) - np.int32(gray[above, x])
+            row_b += value
+            row_s += value * value
+            row_g += np.uint32(abs(dx) + abs(dy))
+            out[y + 1, x + 1, 0] = out[y, x + 1, 0] + row_b
+            out[y + 1, x + 1, 1] = out[y, x + 1, 1] + row_s
+            out[y + 1, x + 1, 2] = out[y, x + 1, 2] + row_g
 
 
 @njit(cache=True)
-def _mean(integral, box):  # type: ignore[no-untyped-def]
+def _sums_of(sums, box):  # type: ignore[no-untyped-def]
+    """Brightness, square, gradient and area of a box."""
     x0, y0, x1, y1 = box
-    return box_sum(integral, x0, y0, x1, y1) / max((x1 - x0) * (y1 - y0), 1)
+    a = np.uint32(sums[y1, x1, 0] - sums[y0, x1, 0] - sums[y1, x0, 0] + sums[y0, x0, 0])
+    b = np.uint32(sums[y1, x1, 1] - sums[y0, x1, 1] - sums[y1, x0, 1] + sums[y0, x0, 1])
+    c = np.uint32(sums[y1, x1, 2] - sums[y0, x1, 2] - sums[y1, x0, 2] + sums[y0, x0, 2])
+    return float(a), float(b), float(c), float((x1 - x0) * (y1 - y0))
 
 
 @njit(cache=True)
-def _mean_between(integral, outer, inner):  # type: ignore[no-untyped-def]
-    """Mean over the outer box without the inner one."""
-    area = (outer[2] - outer[0]) * (outer[3] - outer[1]) - (inner[2] - inner[0]) * (inner[3] - inner[1])
-    total = box_sum(integral, outer[0], outer[1], outer[2], outer[3])
-    return (total - box_sum(integral, inner[0], inner[1], inner[2], inner[3])) / max(area, 1)
+def _brightness(sums, box):  # type: ignore[no-untyped-def]
+    x0, y0, x1, y1 = box
+    total = np.uint32(sums[y1, x1, 0] - sums[y0, x1, 0] - sums[y1, x0, 0] + sums[y0, x0, 0])
+    return float(total) / ((x1 - x0) * (y1 - y0))
 
 
 @njit(cache=True)
-def _features(brightness, square, gradient, inside, states, least_inside):  # type: ignore[no-untyped-def]
+def _features(sums, inside, states, least_inside):  # type: ignore[no-untyped-def]
     n = len(states)
     out = np.zeros((n, 8))
     valid = np.zeros(n, dtype=np.bool_)
-    height, width = brightness.shape[0] - 1, brightness.shape[1] - 1
+    height, width = sums.shape[0] - 1, sums.shape[1] - 1
     for i in range(n):
         state = states[i]
         if state[6] < 3.0 or state[7] < 3.0 or inside_share(inside, state) < least_inside:
             continue
         valid[i] = True
         box = box_edges(state, 1.0, width, height)
-        inner = box_edges(state, _INNER, width, height)
         ring = box_edges(state, _RING, width, height)
-        band = box_edges(state, _BAND, width, height)
-        mean_in = _mean(brightness, inner)
-        mean_ring = _mean_between(brightness, ring, box)
-        var_in = max(_mean(square, inner) - mean_in**2, 0.0)
-        var_ring = max(_mean_between(square, ring, box) - mean_ring**2, 0.0)
-        texture_in = _mean(gradient, inner)
-        texture_ring = _mean_between(gradient, ring, box)
-        texture_band = _mean_between(gradient, band, inner)
-        noise = np.sqrt(var_ring) + _NOISE
+        b_in, s_in, g_in, n_in = _sums_of(sums, box_edges(state, _INNER, width, height))
+        b_box, s_box, g_box, n_box = _sums_of(sums, box)
+        b_ring, s_ring, g_ring, n_ring = _sums_of(sums, ring)
+        _, _, g_band, n_band = _sums_of(sums, box_edges(state, _BAND, width, height))
+        n_in, n_outer = max(n_in, 1.0), max(n_ring - n_box, 1.0)
+        mean_in, mean_ring = b_in / n_in, (b_ring - b_box) / n_outer
+        spread_in = np.sqrt(max(s_in / n_in - mean_in**2, 0.0))
+        noise = np.sqrt(max((s_ring - s_box) / n_outer - mean_ring**2, 0.0)) + _NOISE
+        texture_in, texture_ring = g_in / n_in, (g_ring - g_box) / n_outer
+        texture_band = (g_band - g_in) / max(n_band - n_in, 1.0)
         left = (ring[0], box[1], box[0], box[3])
         right = (box[2], box[1], ring[2], box[3])
         above = (box[0], ring[1], box[2], box[1])
@@ -162,13 +165,13 @@ def _features(brightness, square, gradient, inside, states, least_inside):  # ty
         sign = 1.0 if mean_in >= mean_ring else -1.0
         for side in (left, right, above, below):
             if (side[2] - side[0]) * (side[3] - side[1]) > 0:
-                weakest = min(weakest, sign * (mean_in - _mean(brightness, side)) / noise)
+                weakest = min(weakest, sign * (mean_in - _brightness(sums, side)) / noise)
         out[i, 0] = (mean_in - mean_ring) / noise
         out[i, 1] = abs(mean_in - mean_ring) / noise
         out[i, 2] = weakest if weakest < 1e9 else 0.0
         out[i, 3] = np.log((texture_in + _NOISE) / (texture_ring + _NOISE))
         out[i, 4] = np.log((texture_band + _NOISE) / (texture_in + _NOISE))
-        out[i, 5] = np.log((np.sqrt(var_in) + _NOISE) / noise)
+        out[i, 5] = np.log((spread_in + _NOISE) / noise)
         out[i, 6] = np.log((texture_in + _NOISE) / noise)
         out[i, 7] = np.log((texture_ring + _NOISE) / noise)
     return out, valid

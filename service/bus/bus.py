@@ -6,29 +6,39 @@ import atexit
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from typing import Protocol, Self, TypeVar
+from typing import Self, TypeVar
 
 import zenoh
 from zenoh import CongestionControl, Priority, ext
-from zenoh.handlers import Callback as Direct
 
-from service.bus import messages
 from service.bus.errors import BusClosed, BusError
 from service.bus.frames import FrameInbox, FramePublisher
-from service.bus.link import Handle, reason, undeclares
-from service.bus.messages import AliveCallback, Callback, Handler, Publisher, Reply
+from service.bus.link import Handle, direct, queue, reason, shut, undeclares
+from service.bus.messages import (
+    ALARMS_KEPT,
+    AliveCallback,
+    Callback,
+    Handler,
+    Publisher,
+    Reply,
+    answer,
+    declare_alarms,
+    declare_state,
+    to_message,
+    to_reply,
+    to_wire,
+)
+from service.bus.ordered import InOrder, Message
 from service.bus.worker import Worker
 
 _log = logging.getLogger(__name__)
 
 _H = TypeVar("_H", bound=Handle)
-_T = TypeVar("_T")
 
 _CLOSE_S = 2.0
-_ALARM_CACHE = 64
-_ALARM_HEARTBEAT_S = 0.5
+_RECENT_S = 2.0
 
 
 class Bus:
@@ -98,7 +108,7 @@ class Bus:
         """The newest frame of `key`."""
         inbox = FrameInbox(self._clock)
         with self._declaring(key):
-            inbox.on_close(undeclares(self._session.declare_subscriber(key, _direct(inbox.receive))))
+            inbox.on_close(undeclares(self._session.declare_subscriber(key, direct(inbox.receive))))
         return self._keep(inbox, self._receivers)
 
     def publisher(self, key: str) -> Publisher:
@@ -109,44 +119,27 @@ class Bus:
         queries).
         """
         with self._declaring(key):
-            declared = ext.declare_advanced_publisher(
-                self._session,
-                key,
-                encoding=zenoh.Encoding.APPLICATION_JSON,
-                congestion_control=CongestionControl.DROP,
-                priority=Priority.DATA,
-                cache=ext.CacheConfig(1),
-                publisher_detection=True,
-            )
-            publisher = Publisher(key, declared)
-            queries = self._session.declare_queryable(key, _direct(_queue(self._values, publisher.answer)))
-        publisher.on_close(undeclares(queries), undeclares(declared))
-        return self._keep(publisher, self._senders)
+            declared = declare_state(self._session, key)
+            return self._published(Publisher(key, declared, keep=1), key, declared)
 
     def alarm_publisher(self, key: str) -> Publisher:
-        """A publisher of messages that must not be lost: cached for late joiners, repeated where missed."""
+        """A publisher of messages that must not be lost: repeated where missed, the last 64 kept.
+
+        Late joiners get those with `subscribe_alarms` or `ask`.
+        """
         with self._declaring(key):
-            declared = ext.declare_advanced_publisher(
-                self._session,
-                key,
-                encoding="application/cloudevents+json",
-                congestion_control=CongestionControl.BLOCK,
-                priority=Priority.INTERACTIVE_HIGH,
-                express=True,
-                cache=ext.CacheConfig(_ALARM_CACHE),
-                sample_miss_detection=ext.MissDetectionConfig(
-                    heartbeat=_ALARM_HEARTBEAT_S, sporadic_heartbeat=None
-                ),
-                publisher_detection=True,
-            )
-        publisher = Publisher(key, declared)
-        publisher.on_close(undeclares(declared))
-        return self._keep(publisher, self._senders)
+            declared = declare_alarms(self._session, key)
+            return self._published(Publisher(key, declared, keep=ALARMS_KEPT), key, declared)
 
     def subscribe(self, selector: str, callback: Callback, *, history: bool = False) -> Handle:
         """Call back with key and payload of each message; with `history` first with the last values."""
         with self._receiving(selector) as worker:
-            deliver = _direct(_deliver(worker, callback))
+
+            def pass_on(sample: zenoh.Sample) -> None:
+                if sample.kind == zenoh.SampleKind.PUT:
+                    callback(str(sample.key_expr), sample.payload.to_bytes())
+
+            deliver = direct(queue(worker, pass_on))
             if not history:
                 return self._received(worker, undeclares(self._session.declare_subscriber(selector, deliver)))
             subscriber = ext.declare_advanced_subscriber(
@@ -160,30 +153,37 @@ class Bus:
     def subscribe_alarms(
         self, selector: str, callback: Callback, on_missed: Callable[[int], None] | None = None
     ) -> Handle:
-        """Call back with key and payload of each alarm, in order, those before the subscription included.
+        """Call back with key and payload of each alarm, once and in order, what is kept of old ones first.
 
         Alarms missed in an outage are fetched again; `on_missed` gets the number of those that could
-        not be (more than 64 of one key).
+        not be (more than 64 of one publisher).
         """
+        order = InOrder(self._recent)
         with self._receiving(selector) as worker:
+
+            def pass_on(sample: zenoh.Sample) -> None:
+                if sample.kind != zenoh.SampleKind.PUT:
+                    return
+                messages, lost = order.due(to_message(sample))
+                if lost and on_missed is not None:
+                    worker.guard(partial(on_missed, lost))
+                for message in messages:
+                    worker.guard(partial(callback, message.key, message.payload))
+
             subscriber = ext.declare_advanced_subscriber(
                 self._session,
                 selector,
-                _direct(_deliver(worker, callback)),
-                history=ext.HistoryConfig(detect_late_publishers=True),
+                direct(queue(worker, pass_on)),
+                history=ext.HistoryConfig(detect_late_publishers=True, max_samples=ALARMS_KEPT),
                 recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
             )
-            closers = [undeclares(subscriber)]
-            if on_missed is not None:
-                misses = subscriber.sample_miss_listener(_direct(_queue(worker, _count(on_missed))))
-                closers.insert(0, undeclares(misses))
-            return self._received(worker, *closers)
+            return self._received(worker, undeclares(subscriber))
 
     def serve(self, key: str, handler: Handler) -> Handle:
         """Answer the queries of `key`; what the handler raises goes back as one line of error."""
         with self._receiving(key) as worker:
             queryable = self._session.declare_queryable(
-                key, _direct(_queue(worker, partial(messages.answer, key, handler)))
+                key, direct(queue(worker, partial(answer, key, handler)))
             )
             return self._received(worker, undeclares(queryable))
 
@@ -199,14 +199,8 @@ class Bus:
         One that does not answer in `timeout_s` is a reply with the error `Timeout`.
         """
         with self._declaring(key):
-            replies = self._session.get(
-                f"{key}?{messages.to_wire(parameters)}" if parameters else key,
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                timeout=timeout_s,
-                payload=payload,
-            )
-            return [messages.to_reply(key, reply) for reply in replies]
+            replies = self._get(f"{key}?{to_wire(parameters)}" if parameters else key, payload, timeout_s)
+            return [to_reply(key, reply) for reply in replies]
 
     def alive(self, key: str) -> Handle:
         """A liveliness token: seen by others until it, or the bus, is closed, or the process dies."""
@@ -219,11 +213,12 @@ class Bus:
         """Call back with key and presence of each token, those that are there already included."""
         with self._receiving(selector) as worker:
 
-            def submit(sample: zenoh.Sample) -> None:
-                here = sample.kind == zenoh.SampleKind.PUT
-                worker.submit(lambda: callback(str(sample.key_expr), here))
+            def pass_on(sample: zenoh.Sample) -> None:
+                callback(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-            watcher = self._session.liveliness().declare_subscriber(selector, _direct(submit), history=True)
+            watcher = self._session.liveliness().declare_subscriber(
+                selector, direct(queue(worker, pass_on)), history=True
+            )
             return self._received(worker, undeclares(watcher))
 
     def list_alive(self, selector: str, timeout_s: float = 2.0) -> list[str]:
@@ -246,7 +241,7 @@ class Bus:
             handle.close()
         self._values.close()
         with contextlib.suppress(zenoh.ZError):
-            _close(self._session)
+            shut(self._session)
 
     @contextlib.contextmanager
     def _declaring(self, key: str) -> Iterator[None]:
@@ -274,36 +269,27 @@ class Bus:
         handle.on_close(lambda: among.pop(handle, None))
         return handle
 
+    def _published(self, publisher: Publisher, key: str, declared: ext.AdvancedPublisher) -> Publisher:
+        queries = self._session.declare_queryable(key, direct(queue(self._values, publisher.answer)))
+        publisher.on_close(undeclares(queries), undeclares(declared))
+        return self._keep(publisher, self._senders)
+
+    def _get(self, selector: str, payload: bytes | None, timeout_s: float) -> Iterable[zenoh.Reply]:
+        return self._session.get(
+            selector,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=timeout_s,
+            payload=payload,
+        )
+
+    def _recent(self, key: str) -> list[Message]:
+        with contextlib.suppress(zenoh.ZError):
+            replies = self._get(key, None, _RECENT_S)
+            return [to_message(reply.ok) for reply in replies if reply.ok is not None]
+        return []
+
     def _received(self, worker: Worker, *closers: Callable[[], None]) -> Handle:
         subscription = Handle()
         subscription.on_close(*closers, worker.close)
         return self._keep(subscription, self._receivers)
-
-
-class _Closeable(Protocol):
-    def close(self) -> None: ...
-
-
-def _close(session: _Closeable) -> None:
-    session.close()
-
-
-def _direct(callback: Callable[[_T], object]) -> Direct[_T]:
-    """Run in the network thread: the callback must be as short as a swap or an append."""
-    return Direct(callback, indirect=False)
-
-
-def _queue(worker: Worker, job: Callable[[_T], None]) -> Callable[[_T], None]:
-    return lambda item: worker.submit(partial(job, item))
-
-
-def _count(on_missed: Callable[[int], None]) -> Callable[[ext.Miss], None]:
-    return lambda miss: on_missed(miss.nb)
-
-
-def _deliver(worker: Worker, callback: Callback) -> Callable[[zenoh.Sample], None]:
-    def submit(sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.PUT:
-            worker.submit(lambda: callback(str(sample.key_expr), sample.payload.to_bytes()))
-
-    return submit

@@ -1,8 +1,8 @@
 """Frames on the wire: pixels as payload, everything else as a JSON header in the attachment.
 
 The header (version 1) is `{"v": 1, "clock": str, "seq": int, "capture_ns": int, "received_ns": int,
-"wall_ns": int, "size": [w, h], "crop": [x, y, w, h] | null, "encoding": "gray8" | "i420" | "bgr8" |
-"jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...]}`. `encoding` is that of the payload,
+"wall_ns": int, "size": [w, h], "crop": [x, y, w, h] | null, "reduction": 1 | 2 | 4 …, "encoding": "gray8" |
+"i420" | "bgr8" | "jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...]}`. `encoding` is that of the payload,
 `pixels` and `shape` those of the array that comes out of decoding. `clock` names the monotonic clock
 of `capture_ns` and `received_ns`: under another name they cannot be compared with one's own clock.
 """
@@ -45,6 +45,7 @@ class FrameHeader(BaseModel):
     wall_ns: _Nanoseconds
     size: tuple[_Side, _Side]
     crop: tuple[_Offset, _Offset, _Side, _Side] | None
+    reduction: Literal[1, 2, 4, 8, 16, 32, 64]
     encoding: Literal["gray8", "i420", "bgr8", "jpeg"]
     pixels: Encoding
     shape: Annotated[tuple[_Length, ...], Field(min_length=2, max_length=3)]
@@ -56,14 +57,17 @@ class FrameHeader(BaseModel):
         x, y, w, h = self.crop or (0, 0, *self.size)
         if x + w > self.size[0] or y + h > self.size[1]:
             raise ValueError("the crop is outside the picture")
-        if self.shape != _shape(self.pixels, w, h):
+        if self.reduction > 1 and self.pixels != "gray8":
+            raise ValueError("only gray8 can be reduced")
+        if self.shape != _shape(self.pixels, w // self.reduction, h // self.reduction):
             raise ValueError("the shape is not that of the pixels")
         return self
 
     @property
     def window_size(self) -> tuple[int, int]:
-        """Width and height of the part of the picture that travels."""
-        return self.crop[2:] if self.crop else self.size
+        """Width and height of the pixels that travel."""
+        w, h = self.crop[2:] if self.crop else self.size
+        return w // self.reduction, h // self.reduction
 
     def check_length(self, length: int) -> None:
         """Raise MalformedMessage when a payload of so many bytes cannot be that of this header."""
@@ -116,11 +120,13 @@ def decode_pixels(payload: bytes, header: FrameHeader) -> Frame:
         encoding=header.pixels,
         data=data,
         crop=header.crop,
+        reduction=header.reduction,
     )
 
 
 def _header(frame: Frame, clock: str, encoding: str) -> bytes:
     _, _, w, h = frame.window
+    w, h = w // frame.reduction, h // frame.reduction
     if frame.data.dtype != np.uint8 or frame.data.shape != _shape(frame.encoding, w, h):
         raise ValueError(
             f"frame {frame.seq}: data of shape {frame.data.shape} is not {frame.encoding} of {w}x{h}"
@@ -134,6 +140,7 @@ def _header(frame: Frame, clock: str, encoding: str) -> bytes:
         "wall_ns": round(frame.wall_s * _NS),
         "size": (frame.width, frame.height),
         "crop": frame.crop,
+        "reduction": frame.reduction,
         "encoding": encoding,
         "pixels": frame.encoding,
         "shape": frame.data.shape,

@@ -5,9 +5,15 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Callable
-from typing import Protocol
+from functools import partial
+from typing import Protocol, TypeVar
 
 import zenoh
+from zenoh.handlers import Callback
+
+from service.bus.worker import Worker
+
+_T = TypeVar("_T")
 
 _OS_ERROR = re.compile(r"([^:\[\]]+) \(os error \d+\)")
 
@@ -17,6 +23,13 @@ class Declared(Protocol):
 
     def undeclare(self) -> None:
         """Take it back."""
+
+
+class Closeable(Protocol):
+    """Anything that zenoh opens."""
+
+    def close(self) -> None:
+        """Close it."""
 
 
 class Handle:
@@ -44,6 +57,21 @@ def undeclares(declared: Declared) -> Callable[[], None]:
             declared.undeclare()
 
     return close
+
+
+def shut(session: Closeable) -> None:
+    """Close a session (typed: the stubs leave it open)."""
+    session.close()
+
+
+def direct(callback: Callable[[_T], object]) -> Callback[_T]:
+    """A callback that zenoh's network threads run themselves: it must be as short as a swap or an append."""
+    return Callback(callback, indirect=False)
+
+
+def queue(worker: Worker, job: Callable[[_T], None]) -> Callable[[_T], None]:
+    """A callback that leaves the job to a worker."""
+    return lambda item: worker.submit(partial(job, item))
 
 
 def reason(error: zenoh.ZError) -> str:

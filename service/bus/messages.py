@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import logging
+import threading
+import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
 from urllib.parse import quote, unquote
 
 import zenoh
-from zenoh.ext import AdvancedPublisher
+from zenoh import ext
 
 from service.bus.errors import BusClosed
 from service.bus.link import Handle
+from service.bus.ordered import Message, stamp, stamped
 from service.errors import LumpwatchError
 
 _log = logging.getLogger(__name__)
+
+ALARMS_KEPT = 64
+"""How many alarms of one publisher can be had later."""
+_HEARTBEAT_S = 0.5
 
 Callback = Callable[[str, bytes], None]
 """Receives key and payload."""
@@ -36,25 +43,60 @@ class Reply:
 class Publisher(Handle):
     """Publishes small messages on one key; made by `Bus.publisher` and `Bus.alarm_publisher`."""
 
-    def __init__(self, key: str, publisher: AdvancedPublisher) -> None:
+    def __init__(self, key: str, publisher: ext.AdvancedPublisher, keep: int) -> None:
         super().__init__()
         self._key = key
         self._publisher = publisher
-        self._last: bytes | None = None
+        self._keep = keep
+        self._name = uuid.uuid4().hex[:16]
+        self._lock = threading.Lock()
+        self._sent = 0
+        self._kept: tuple[tuple[bytes, bytes], ...] = ()
 
     def put(self, payload: bytes) -> None:
         """Send; raises BusClosed when the bus, or this publisher, is closed."""
-        self._last = payload
-        try:
-            self._publisher.put(payload)
-        except zenoh.ZError as error:
-            raise BusClosed(f"bus: closed while {self._key} was published") from error
+        with self._lock:  # numbers must go out in order
+            attachment = stamp(self._name, self._sent)
+            self._sent += 1
+            self._kept = (*self._kept, (payload, attachment))[-self._keep :]
+            try:
+                self._publisher.put(payload, attachment=attachment)
+            except zenoh.ZError as error:
+                raise BusClosed(f"bus: closed while {self._key} was published") from error
 
     def answer(self, query: zenoh.Query) -> None:
-        """Reply with the last value, if there is one (for the bus only)."""
+        """Reply with what is kept, oldest first (for the bus only)."""
         with query:
-            if self._last is not None:
-                query.reply(self._key, self._last)
+            for payload, attachment in self._kept:
+                query.reply(self._key, payload, attachment=attachment)
+
+
+def declare_state(session: zenoh.Session, key: str) -> ext.AdvancedPublisher:
+    """Small messages of which the latest counts: dropped where a receiver is slow."""
+    return ext.declare_advanced_publisher(
+        session,
+        key,
+        encoding=zenoh.Encoding.APPLICATION_JSON,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.DATA,
+        cache=ext.CacheConfig(1),
+        publisher_detection=True,
+    )
+
+
+def declare_alarms(session: zenoh.Session, key: str) -> ext.AdvancedPublisher:
+    """Messages that must not be lost: waits for slow receivers, overtakes frames, repeats what was missed."""
+    return ext.declare_advanced_publisher(
+        session,
+        key,
+        encoding="application/cloudevents+json",
+        congestion_control=zenoh.CongestionControl.BLOCK,
+        priority=zenoh.Priority.INTERACTIVE_HIGH,
+        express=True,
+        cache=ext.CacheConfig(ALARMS_KEPT),
+        sample_miss_detection=ext.MissDetectionConfig(heartbeat=_HEARTBEAT_S, sporadic_heartbeat=None),
+        publisher_detection=True,
+    )
 
 
 def answer(key: str, handler: Handler, query: zenoh.Query) -> None:
@@ -72,6 +114,14 @@ def answer(key: str, handler: Handler, query: zenoh.Query) -> None:
             query.reply_err(_one_line(f"{type(error).__name__}: {error}"))
         else:
             query.reply(key, result)
+
+
+def to_message(sample: zenoh.Sample) -> Message:
+    """A zenoh sample in our own terms."""
+    attachment = sample.attachment
+    return stamped(
+        str(sample.key_expr), sample.payload.to_bytes(), b"" if attachment is None else attachment.to_bytes()
+    )
 
 
 def to_reply(asked: str, reply: zenoh.Reply) -> Reply:

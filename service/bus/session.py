@@ -26,9 +26,6 @@ _ANY_HOST = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]", "*": "127.0.0.1"}
 _FIRST_ATTEMPT_S, _LONGEST_ATTEMPT_S, _PAUSE_S = 0.5, 4.0, 0.2
 # With zenoh's own values a client is back 2.5 to 3.5 s after its hub, with these after some 0.1 s.
 _RETRY = {"period_init_ms": 200, "period_max_ms": 500, "period_increase_factor": 1.5}
-# A link that takes no byte of a message that may not be dropped for so long is given up, and made anew when
-# the peer lives again. Until then a put of an alarm and `Bus.close` wait; zenoh's own value is 5 s.
-_STALLED_US = 1_000_000
 
 
 def open_hub(config: BusConfig) -> Bus:
@@ -117,7 +114,6 @@ def _settings(
         "connect/endpoints": connect,
         "connect/retry": _RETRY,
         "timestamping/enabled": True,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": _STALLED_US,
         "transport/shared_memory/enabled": config.shared_memory,
     }
     if timeout_s is not None:

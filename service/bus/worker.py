@@ -47,6 +47,13 @@ class Worker:
             self._jobs.clear()
             self._wake.notify()
 
+    def guard(self, job: Job) -> None:
+        """Run a job now; what it raises is logged."""
+        try:
+            job()
+        except Exception:
+            _log.exception("%s: the callback failed", self._name)
+
     def _run(self) -> None:
         while True:
             with self._wake:
@@ -54,7 +61,4 @@ class Worker:
                 if self._closed:
                     return
                 job = self._jobs.popleft()
-            try:
-                job()
-            except Exception:
-                _log.exception("%s: the callback failed", self._name)
+            self.guard(job)

@@ -12,7 +12,7 @@ from models.births import PolygonBirths, polygon_births
 from models.density import GridDensity
 from models.profile import RowProfile
 from models.roi import Image, Roi, make_roi
-from models.state import VX, VY, H, States, W, X, Y, blank
+from models.state import H, States, W, X, Y, blank
 
 Array = NDArray[np.float64]
 
@@ -109,8 +109,3 @@ def moving_track(start: tuple[float, float], steps: Array, size: float = 20.0) -
     """Boxes (n + 1, 4) of an object that starts somewhere and makes the given steps (n, 2)."""
     centres = np.vstack([start, np.asarray(start) + np.cumsum(steps, axis=0)])
     return np.column_stack([centres, np.full((len(centres), 2), size)])
-
-
-def velocities(states: States) -> Array:
-    """Columns vx and vy."""
-    return states[:, [VX, VY]]

@@ -63,6 +63,10 @@ def test_logistic_needs_both_classes(value: bool) -> None:
         logistic(np.zeros((5, 2)), np.full(5, value))
 
 
+def as_bytes(picture: Array) -> Image:
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
 def scene(rng: np.random.Generator, lump: bool) -> tuple[Image, Image, States]:
     """Rough ground, and a smooth bright bluish disc somewhere: luma, BGR, and the disc's state."""
     gray = 90 + 25 * rng.standard_normal((HEIGHT, WIDTH))
@@ -77,8 +81,7 @@ def scene(rng: np.random.Generator, lump: bool) -> tuple[Image, Image, States]:
         colour[disc] = smooth[:, None] + np.array([60.0, 0.0, -40.0])
         objects[:, X], objects[:, Y] = x, y
         objects[:, W : H + 1] = 2 * RADIUS
-    as_bytes = (np.clip(picture, 0, 255).astype(np.uint8) for picture in (gray, colour))
-    return *as_bytes, objects
+    return as_bytes(gray), as_bytes(colour), objects
 
 
 def births() -> PolygonBirths:

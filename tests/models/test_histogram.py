@@ -87,7 +87,7 @@ def test_distance_and_ratio_by_hand() -> None:
 
 
 def test_box_that_leaves_the_polygon_is_penalised() -> None:
-    """The same dark box everywhere: inside and 80 % inside it fits, 70 % inside and outside its distance is 1."""
+    """A dark box that is all or 80 % inside fits; 70 % inside or outside, its distance is 1."""
     roi = make_roi([(0.25, 0.0), (1.0, 0.0), (1.0, 1.0), (0.25, 1.0)], 200, 100, 200)
     seen = likelihood(np.eye(BINS)[0], 3.0, 8.0).observe(roi.view(np.zeros(roi.shape, np.uint8)))
     leaving = np.concatenate(

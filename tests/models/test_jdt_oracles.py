@@ -18,6 +18,7 @@ from models.jdt import Form, JdtFilter, Order
 from models.motion import ConstantVelocity
 from models.state import VX, Belief, States, X, blank
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching
+from tests.models.filters import both_forms, both_orders
 from tests.models.helpers import Drift, Marker, Seen, births_over, boxes, flat_profile
 from tests.models.oracles import LineFilter, assert_agrees, hmm_step, kalman_step
 
@@ -25,8 +26,6 @@ Array = NDArray[np.float64]
 DT = 0.5
 LENGTH = 60
 SEEDS = range(24)
-FORMS: tuple[Form, ...] = ("marginal", "sampled")
-ORDERS: tuple[Order, ...] = ("model_first", "state_first")
 
 MATRIX = np.array([[0.8, 0.2], [0.1, 0.9]])
 BELT_THEN_FALL = GridDensity(
@@ -43,6 +42,21 @@ def evidence(t: int) -> Callable[[Array], Array]:
     place = 15.0 + 0.5 * min(t, 5) + 3.0 * max(t - 5, 0)
     strength = 0.0 if t in (3, 4) else 4.5
     return lambda x: strength * np.exp(-0.5 * ((x - place) / 4.0) ** 2) - 1.5
+
+
+def along_x(log_ratio: Callable[[Array], Array]) -> Seen:
+    """Evidence that depends on x alone."""
+    return Seen(lambda states: log_ratio(states[:, X]))
+
+
+def marks(log_ratio: Array) -> Seen:
+    """Evidence that reads the mark of model 0 or 1."""
+    return along_x(lambda x: log_ratio[x.astype(int).clip(0, 1)])
+
+
+def measurement(z: float, noise: float) -> Seen:
+    """A position measured with Gaussian noise, up to a factor."""
+    return along_x(lambda x: 4.0 - 0.5 * ((x - z) / noise) ** 2)
 
 
 def exact_line(adaptive: bool, model_first: bool, frames: int) -> Array:
@@ -67,8 +81,8 @@ def exact_line(adaptive: bool, model_first: bool, frames: int) -> Array:
 
 
 @pytest.mark.parametrize("adaptive", [False, True], ids=["fixed", "adaptive"])
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("form", FORMS)
+@both_orders
+@both_forms
 def test_grid_filter(form: Form, order: Order, adaptive: bool) -> None:
     """Two models drift along a line; births, deaths, switching and evidence as a grid computes them.
 
@@ -92,14 +106,13 @@ def test_grid_filter(form: Form, order: Order, adaptive: bool) -> None:
         order=order,
     )
     runs = np.empty((len(SEEDS), frames, 3))
-    for seed in SEEDS:
+    for run, seed in enumerate(SEEDS):
         rng = np.random.default_rng(seed)
         belief = jdt.start(rng)
         for t in range(frames):
-            seen = evidence(t)
-            belief = jdt.step(belief, Seen(lambda states, seen=seen: seen(states[:, X])), DT, rng).belief
+            belief = jdt.step(belief, along_x(evidence(t)), DT, rng).belief
             x, labels = belief.states[belief.exists, X], belief.labels[belief.exists]
-            runs[seed, t] = belief.existence, x.mean(), labels.mean()
+            runs[run, t] = belief.existence, x.mean(), labels.mean()
     assert_agrees(runs[:, :, 0], exact[:, 0], 0.004)
     judged = exact[:, 0] >= 0.1
     assert judged.sum() >= 8
@@ -119,8 +132,8 @@ def test_grid_cases_differ() -> None:
 EMISSIONS = np.array([[2.0, 0.5], [0.3, 3.0], [1.0, 1.0], [0.2, 2.5], [4.0, 0.1], [1.5, 1.2]])
 
 
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("form", FORMS)
+@both_orders
+@both_forms
 def test_hidden_markov_model(form: Form, order: Order) -> None:
     """Each model leaves its mark in x and the evidence reads the mark: a two-state hidden Markov model,
     inside a Bernoulli filter without births or deaths. Allowance: 0.002."""
@@ -146,17 +159,15 @@ def test_hidden_markov_model(form: Form, order: Order) -> None:
     exists = np.ones(n, np.bool_) if form == "marginal" else index % 2 == 0
     start = Belief(boxes(n), (index % 8 >= 6).astype(np.intp), exists, 0.5)
     runs = np.empty((len(SEEDS), len(EMISSIONS), 2))
-    for seed in SEEDS:
+    for run, seed in enumerate(SEEDS):
         rng, belief = np.random.default_rng(seed), start
         for t, emission in enumerate(EMISSIONS):
-            logs = np.log(emission)
-            seen = Seen(lambda states, logs=logs: logs[states[:, X].astype(int).clip(0, 1)])
-            belief = jdt.step(belief, seen, DT, rng).belief
-            runs[seed, t] = belief.existence, belief.labels[belief.exists].mean()
+            belief = jdt.step(belief, marks(np.log(emission)), DT, rng).belief
+            runs[run, t] = belief.existence, belief.labels[belief.exists].mean()
     assert_agrees(runs, exact, 0.002)
 
 
-@pytest.mark.parametrize("form", FORMS)
+@both_forms
 def test_kalman_filter(form: Form) -> None:
     """One object that surely exists, white-noise acceleration, position measured with Gaussian noise.
 
@@ -188,17 +199,16 @@ def test_kalman_filter(form: Form) -> None:
     )
     n = 4000 if form == "sampled" else 2800
     runs = np.empty((len(SEEDS), frames, 5))
-    for seed in SEEDS:
+    for run, seed in enumerate(SEEDS):
         rng = np.random.default_rng(seed)
         states: States = blank(n)
         states[:, X] = 18.0 + 3.0 * rng.standard_normal(n)
         states[:, VX] = 8.0 * rng.standard_normal(n)
         belief = Belief(states, np.zeros(n, np.intp), np.ones(n, np.bool_), 1.0)
         for t, z in enumerate(measured):
-            seen = Seen(lambda s, z=z: 4.0 - 0.5 * ((s[:, X] - z) / measured_noise) ** 2)
-            belief = jdt.step(belief, seen, dt, rng).belief
+            belief = jdt.step(belief, measurement(z, measured_noise), dt, rng).belief
             x, v = belief.states[:, X], belief.states[:, VX]
-            runs[seed, t] = x.mean(), v.mean(), x.var(), v.var(), np.cov(x, v)[0, 1]
+            runs[run, t] = x.mean(), v.mean(), x.var(), v.var(), np.cov(x, v)[0, 1]
         assert belief.existence == pytest.approx(1.0, abs=1e-9)
     deviation = np.sqrt(exact[:, 2:4])
     assert_agrees(runs[:, :, :2] / deviation, exact[:, :2] / deviation, 0.05)

@@ -27,14 +27,10 @@ def observe(gray: Image) -> LumpObservation:
     return likelihood().observe(whole_picture(gray).view(gray))
 
 
-def sobel_magnitude(gray: Image) -> Array:
-    """A quarter of |dx| + |dy| by the 3 x 3 Sobel masks, the picture mirrored about its outer pixels."""
-    p = np.pad(gray.astype(float), 1, mode="reflect")
-    right = p[:-2, 2:] + 2 * p[1:-1, 2:] + p[2:, 2:]
-    left = p[:-2, :-2] + 2 * p[1:-1, :-2] + p[2:, :-2]
-    below = p[2:, :-2] + 2 * p[2:, 1:-1] + p[2:, 2:]
-    above = p[:-2, :-2] + 2 * p[:-2, 1:-1] + p[:-2, 2:]
-    return (np.abs(right - left) + np.abs(below - above)) / 4
+def gradient_of(gray: Image) -> Array:
+    """|dx| + |dy| between the neighbours on both sides; the outer pixels are repeated beyond the edge."""
+    p = np.pad(gray.astype(float), 1, mode="edge")
+    return np.abs(p[1:-1, 2:] - p[1:-1, :-2]) + np.abs(p[2:, 1:-1] - p[:-2, 1:-1])
 
 
 def region(shape: tuple[int, ...], x0: float, y0: float, x1: float, y1: float) -> NDArray[np.bool_]:
@@ -53,7 +49,7 @@ def brute_features(gray: Image, x: int, y: int, w: int, h: int) -> list[float]:
 
     whole, inner, ring = scaled(1.0), scaled(0.7), scaled(1.5) & ~scaled(1.0)
     band = scaled(1.2) & ~inner
-    light, gradient = gray.astype(float), sobel_magnitude(gray)
+    light, gradient = gray.astype(float), gradient_of(gray)
     gap = light[inner].mean() - light[ring].mean()
     noise = light[ring].std() + NOISE
     rows, columns = np.nonzero(whole)
@@ -102,6 +98,18 @@ def test_features_against_brute_force(seed: int, x: int, y: int, w: int, h: int,
         assert features[0] == pytest.approx(brute_features(gray, x, y, w, h), abs=1e-6)
     else:
         assert np.array_equal(features[0], np.zeros(M))
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="the sums of squares count modulo 2^32: bright boxes beyond some 66,000 px wrap around",
+)
+def test_features_of_a_large_box_in_a_bright_picture() -> None:
+    """The squares of 300 x 300 px near white sum to more than 2^32."""
+    gray = np.random.default_rng(0).integers(225, 256, (320, 340)).astype(np.uint8)
+    features, valid = observe(gray).features(boxes(1, 170, 160, 200, 200))
+    assert valid.all()
+    assert features[0] == pytest.approx(brute_features(gray, 170, 160, 200, 200), abs=1e-6)
 
 
 def rubble_with_lump(seed: int = 0) -> Image:

@@ -17,7 +17,7 @@ from tests.models.helpers import moving_track
 Array = NDArray[np.float64]
 Labels = NDArray[np.intp]
 DT = 0.04
-BELT, FALL = np.array([0.0, 20.0]), np.array([5.0, 300.0])
+BELT, FALL = np.array([0.0, 30.0]), np.array([5.0, 300.0])
 
 
 def belt_then_fall(rng: np.random.Generator, pixel_noise: float) -> tuple[Track, Labels]:
@@ -33,9 +33,9 @@ def belt_then_fall(rng: np.random.Generator, pixel_noise: float) -> tuple[Track,
 
 
 def belt_and_fall(seed: int) -> tuple[Samples, Labels]:
-    """Ten such objects with a third of a pixel of noise, smoothed over seven frames."""
+    """Ten such objects with a fifth of a pixel of noise, smoothed over seven frames."""
     rng = np.random.default_rng(seed)
-    tracks, labels = zip(*[belt_then_fall(rng, 0.3) for _ in range(10)], strict=True)
+    tracks, labels = zip(*[belt_then_fall(rng, 0.2) for _ in range(10)], strict=True)
     return samples(tracks, DT, 3), np.concatenate(labels)
 
 
@@ -46,17 +46,12 @@ OPEN = (ModelSpec("rate"), ModelSpec("rate"))
 def test_belt_then_fall(seed: int) -> None:
     steps, truth = belt_and_fall(seed)
     fit = fit_motion(steps, OPEN, least_spread=0.5)
-    assert np.mean(fit.labels == truth) >= 0.9
+    assert np.mean(fit.labels == truth) >= 0.95
     assert fit.rates[0, 1] == pytest.approx(BELT[1], rel=0.15)
     assert fit.rates[1, 1] == pytest.approx(FALL[1], rel=0.15)
     assert np.abs(fit.rates[:, 0] - [0.0, 5.0]).max() < 10.0
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="smoothing windows are cut short at the ends of a track: the steps there are seven times as noisy "
-    "and are labelled as falls",
-)
 def test_switch_is_found_within_the_smoothing() -> None:
     """Each track has one switch, and not more than the seven frames of smoothing away from the true one."""
     steps, truth = belt_and_fall(7)
@@ -76,11 +71,14 @@ def test_given_rate_is_kept() -> None:
 
 
 def test_one_model_takes_all_steps() -> None:
-    """The rate of a single model is the median of all accelerations."""
-    steps, _ = belt_and_fall(2)
-    fit = fit_motion(steps, (ModelSpec("rate"),), least_spread=0.5)
+    """Without noise the rate of a single fall is exact."""
+    t = DT * np.arange(20)[:, None]
+    centre = np.array([80.0, 10.0]) + np.array([3.0, 25.0]) * t + 0.5 * FALL * t**2
+    track = Track(np.arange(20), np.hstack([centre, np.full((20, 2), 20.0)]))
+    fit = fit_motion(samples([track], DT, 3), (ModelSpec("rate"),), least_spread=0.5)
     assert np.all(fit.labels == 0)
-    assert fit.rates[0] == pytest.approx(np.median((steps.velocity - steps.states[:, [VX, VY]]) / DT, axis=0))
+    assert fit.rates[0] == pytest.approx(FALL, rel=1e-6)
+    assert fit.spreads[0] == 0.5
 
 
 def test_given_labels_are_kept() -> None:
@@ -128,8 +126,8 @@ def test_bounces_on_one_axis(seed: int) -> None:
 def test_bounces_on_every_axis() -> None:
     names = [None, "x", "y", "both"]
     axes = [names[t // 7 % 4] if t and t % 7 == 0 else None for t in range(120)]
-    laws = ("velocity", "bounce_x", "bounce_y", "bounce")
-    fit = fit_motion(bouncing(axes, (40.0, 30.0), 0.1, 0), [ModelSpec(law) for law in laws], 1.0)
+    specs = [ModelSpec("velocity"), ModelSpec("bounce_x"), ModelSpec("bounce_y"), ModelSpec("bounce")]
+    fit = fit_motion(bouncing(axes, (40.0, 30.0), 0.1, 0), specs, 1.0)
     assert np.array_equal(fit.labels, [names.index(axis) for axis in axes[1:]])
 
 
@@ -144,6 +142,34 @@ def test_standing_then_moving() -> None:
     truth = (np.arange(1, 80) >= 40).astype(int)
     wrong = np.flatnonzero(fit.labels != truth) + 1
     assert set(wrong) <= {40}
+
+
+def steps_of(velocities: Sequence[float], interval: float) -> Samples:
+    """One track with the given velocities along y."""
+    n = len(velocities) - 1
+    states, after = still_boxes(n), np.zeros((n, 2))
+    states[:, VY], after[:, 1] = velocities[:-1], velocities[1:]
+    return Samples(states, after, np.full(n, -1), np.arange(n) == 0, interval)
+
+
+def test_lone_doubtful_step_is_no_switch() -> None:
+    """Rates of 0 and 100 px/s^2 at 25 frames/s, spread 2 px/s. One step at 55 px/s^2 misses the first by
+    2.2 and the second by 1.8 px/s: 0.2 in log, against 2 log(0.95 / 0.05) = 5.9 for there and back. Five
+    such steps at 100 px/s^2 in a row are 10 for and 5.9 against."""
+    specs = (ModelSpec("rate", (0.0, 0.0)), ModelSpec("rate", (0.0, 100.0)))
+    doubtful = [0.0] * 10 + [2.2] * 10
+    assert np.all(fit_motion(steps_of(doubtful, DT), specs, least_spread=2.0).labels == 0)
+    plain = [0.0] * 10 + [4.0, 8.0, 12.0, 16.0, 20.0] + [20.0] * 10
+    labels = fit_motion(steps_of(plain, DT), specs, least_spread=2.0).labels
+    assert np.array_equal(np.flatnonzero(labels), np.arange(9, 14))
+
+
+def test_after_a_bounce_comes_another_model() -> None:
+    """From 40 to -40 px/s is a bounce. The next step, to 5, misses going on by 45 and another bounce by 35:
+    1 in log at a spread of 20, which does not make up for two bounces in a row."""
+    specs = (ModelSpec("velocity"), ModelSpec("bounce_y"))
+    fit = fit_motion(steps_of([40.0] * 6 + [-40.0] + [5.0] * 6, 0.1), specs, least_spread=20.0)
+    assert np.array_equal(np.flatnonzero(fit.labels), [5])
 
 
 def test_spread_of_the_residual() -> None:
@@ -178,10 +204,5 @@ def test_spread_has_a_floor() -> None:
 
 
 def test_only_bounces_are_momentary() -> None:
-    assert [
-        law for law in ("velocity", "bounce_x", "bounce_y", "bounce", "rate") if ModelSpec(law).momentary
-    ] == [
-        "bounce_x",
-        "bounce_y",
-        "bounce",
-    ]
+    assert all(ModelSpec(law).momentary for law in ("bounce_x", "bounce_y", "bounce"))
+    assert not any(ModelSpec(law).momentary for law in ("still", "walk", "velocity", "rate", "free"))

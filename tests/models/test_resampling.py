@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -47,18 +49,23 @@ def test_particle_without_weight_is_never_drawn(weights: list[float], n: int, se
     assert np.all(w[systematic(w, n, np.random.default_rng(seed))] > 0)
 
 
-class _LastTooth:
-    """A generator whose uniform number is the largest below one."""
+@dataclass
+class _Fixed:
+    """A generator that gives one number."""
+
+    number: float
 
     def random(self) -> float:
-        return float(np.nextafter(1.0, 0.0))
+        return self.number
 
 
-@given(weight_lists, st.integers(1, 200))
-def test_last_tooth_of_the_comb_stays_on_weight(weights: list[float], n: int) -> None:
-    """Rounding can put the last tooth on the sum itself, behind which only dead particles stand."""
-    w = np.array([*weights, 0.0, 0.0])
-    assert np.all(w[systematic(w, n, _LastTooth())] > 0)  # type: ignore[arg-type]
+@pytest.mark.parametrize("number", [0.0, float(np.nextafter(1.0, 0.0))], ids=["least", "largest"])
+@given(weights=weight_lists, n=st.integers(1, 200))
+def test_ends_of_the_comb_stay_on_weight(number: float, weights: list[float], n: int) -> None:
+    """The first tooth can stand on zero, before dead particles; rounding can put the last one on the sum
+    itself, behind which stand only dead ones."""
+    w = np.array([0.0, *weights, 0.0, 0.0])
+    assert np.all(w[systematic(w, n, _Fixed(number))] > 0)  # type: ignore[arg-type]
 
 
 @given(weight_lists, st.integers(0, 2**32), st.integers(-20, 20))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.roi import Roi, make_roi
+from models.roi import Roi, halved, make_roi
 from tests.models.helpers import whole_picture
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def working_corners(roi: Roi) -> Array:
 
 
 def inside_and_distance(corners: Array, shape: tuple[int, int]) -> tuple[NDArray[np.bool_], Array]:
-    """Whether each pixel's centre lies in the polygon, by crossings of a ray, and its distance to the edge."""
+    """Whether each pixel's centre is in the polygon, by crossings of a ray, and its distance to the edge."""
     y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
     inside, distance = np.zeros(shape, np.bool_), np.full(shape, np.inf)
     for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -56,7 +56,7 @@ def test_mask_is_the_polygon(polygon: Polygon, working_size: int) -> None:
 
 @polygons
 def test_mask_area(polygon: Polygon) -> None:
-    """The shoelace area, up to the pixels that the edge touches: at most 0.75 px of them on each px of edge."""
+    """The shoelace area, up to the pixels that the edge touches: at most 0.75 on each px of edge."""
     roi = make_roi(polygon, 800, 600, 1000)
     corners = working_corners(roi)
     following = np.roll(corners, -1, axis=0)
@@ -74,11 +74,38 @@ def test_whole_picture_is_all_inside() -> None:
 
 
 def test_bounding_box_by_hand() -> None:
-    """Relative corners 0.1, 0.9 and 0.25, 0.75 of 200 x 100 px: 20 to 180 and 25 to 75."""
+    """Relative corners 0.1, 0.9 and 0.25, 0.75 of 200 x 100 px: 20 to 180 and 25 to 75. To be halved once,
+    the box is widened to even numbers: 24 to 76."""
     roi = make_roi([(0.1, 0.25), (0.9, 0.25), (0.9, 0.75), (0.1, 0.75)], 200, 100, 80)
-    assert (roi.x, roi.y, roi.width, roi.height) == (20, 25, 160, 50)
+    assert (roi.x, roi.y, roi.width, roi.height) == (20, 24, 160, 52)
+    assert roi.step == 2
     assert roi.scale == 0.5
-    assert roi.shape == (25, 80)
+    assert roi.shape == (26, 80)
+
+
+@given(
+    x=st.floats(0, 0.6),
+    y=st.floats(0, 0.6),
+    side=st.floats(0.2, 0.4),
+    width=st.integers(200, 2000),
+    size=st.integers(40, 400),
+)
+def test_box_lies_on_the_grid_of_halvings(x: float, y: float, side: float, width: int, size: int) -> None:
+    """It covers the polygon, but for less than a step at the right and lower edge of the picture, and one
+    more halving would make the polygon smaller than asked for."""
+    polygon = [(x, y), (x + side, y), (x + side, y + side), (x, y + side)]
+    height = width * 3 // 4
+    roi = make_roi(polygon, width, height, size)
+    assert roi.step & (roi.step - 1) == 0
+    assert all(value % roi.step == 0 for value in (roi.x, roi.y, roi.width, roi.height))
+    low, high = roi.corners.min(axis=0), roi.corners.max(axis=0)
+    assert np.all(low >= (roi.x, roi.y))
+    assert np.all(high - (roi.x + roi.width, roi.y + roi.height) < roi.step)
+    assert roi.x + roi.width <= width
+    assert roi.y + roi.height <= height
+    assert max(roi.shape) == min(size, max(roi.width, roi.height))
+    assert roi.scale * roi.step <= 1.0
+    assert (high - low).max() < 2 * roi.step * size
 
 
 def test_small_regions_are_not_scaled_up() -> None:
@@ -116,10 +143,10 @@ def test_to_frame_undoes_to_working(boxes: list[tuple[float, float, float, float
 
 
 def test_to_working_by_hand() -> None:
-    """Region at (20, 25), half size: the box 30, 45, 8, 12 has its centre at (34, 51), (14, 26) in the
-    region and (7, 13) in the working picture, 4 x 6."""
+    """Region at (20, 24), half size: the box 30, 45, 8, 12 has its centre at (34, 51), (14, 27) in the
+    region and (7, 13.5) in the working picture, 4 x 6."""
     roi = make_roi([(0.1, 0.25), (0.9, 0.25), (0.9, 0.75), (0.1, 0.75)], 200, 100, 80)
-    assert np.array_equal(roi.to_working(np.array([[30.0, 45.0, 8.0, 12.0]])), [[7.0, 13.0, 4.0, 6.0]])
+    assert np.array_equal(roi.to_working(np.array([[30.0, 45.0, 8.0, 12.0]])), [[7.0, 13.5, 4.0, 6.0]])
 
 
 def test_box_and_picture_agree() -> None:
@@ -154,8 +181,37 @@ def test_cut_averages_areas(channels: tuple[int, ...]) -> None:
     assert np.abs(roi.cut(picture) - means).max() <= 0.5 + 1e-9
 
 
+@pytest.mark.parametrize(("times", "channels"), [(1, ()), (2, ()), (4, ()), (8, ()), (4, (3,))])
+def test_halved_averages_blocks(times: int, channels: tuple[int, ...]) -> None:
+    """Each halving rounds once; the odd rest of 5 rows and 3 columns is left out."""
+    picture = random_picture(64 + 5, 80 + 3, *channels)
+    small = halved(picture, times)
+    rows, columns = 69 // times, 83 // times
+    blocks = picture[: rows * times, : columns * times].astype(float)
+    means = blocks.reshape(rows, times, columns, times, *channels).mean(axis=(1, 3))
+    assert small.shape == means.shape
+    assert np.abs(small - means).max() <= 0.5 * np.log2(times) + 1e-9
+
+
+@pytest.mark.parametrize("reduction", [1, 2, 4])
+@pytest.mark.parametrize("offset", [(0, 0), (8, 16)])
+def test_cut_is_the_same_wherever_the_halving_is_done(reduction: int, offset: tuple[int, int]) -> None:
+    picture = random_picture(480, 640)
+    roi = make_roi(POLYGONS["trapezium"], 640, 480, 120)
+    assert roi.step == 4
+    plane = halved(picture[offset[1] :, offset[0] :], reduction)
+    assert np.array_equal(roi.cut(plane, offset, reduction), roi.cut(picture))
+
+
+def test_plane_reduced_too_far_is_refused() -> None:
+    roi = make_roi(POLYGONS["trapezium"], 640, 480, 120)
+    for reduction in (8, 3):
+        with pytest.raises(ValueError, match="at most 4 pixels in one"):
+            roi.cut(random_picture(480, 640), reduction=reduction)
+
+
 @settings(max_examples=30)
-@given(st.integers(0, 20), st.integers(0, 25))
+@given(st.integers(0, 20), st.integers(0, 24))
 def test_cut_from_a_picture_that_starts_elsewhere(x: int, y: int) -> None:
     picture = random_picture(100, 200)
     roi = make_roi([(0.1, 0.25), (0.9, 0.25), (0.9, 0.75), (0.1, 0.75)], 200, 100, 80)

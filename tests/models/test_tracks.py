@@ -41,10 +41,6 @@ def test_parabola_is_recovered_exactly_at_every_frame() -> None:
         assert steps.interval_s == DT
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="with half_window 1 the windows at both ends hold two frames: velocity off by a dt / 2, acceleration 0",
-)
 def test_parabola_with_the_smallest_window() -> None:
     boxes, velocity = parabola(12)
     steps = samples([track(boxes)], DT, 1)

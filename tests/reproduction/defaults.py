@@ -1,8 +1,8 @@
 """Fits what ships with the product: `python -m tests.reproduction.defaults`.
 
-    service/default_lump.py        the lump likelihood of a ROI without a prior, from six simulated
-                                   feeds of different dust, light and grain, with boxes of all sizes
-    service/feed/demo.prior        the prior of the demo, trained on 90 s of the simulated feed
+service/default_lump.py        the lump likelihood of a ROI without a prior, from six simulated
+                               feeds of different dust, light and grain, with boxes of all sizes
+service/feed/demo.prior        the prior of the demo, trained on 90 s of the simulated feed
 """
 
 from __future__ import annotations
@@ -104,7 +104,8 @@ def _source(fit: LumpFit) -> str:
         return "[\n            " + ",\n            ".join(rows) + ",\n        ]"
 
     fields = ",\n".join(
-        f"    {name}=np.array(\n        {numbers(getattr(fit, name))}\n    )" for name in ("mean", "scale", "weights")
+        f"    {name}=np.array(\n        {numbers(getattr(fit, name))}\n    )"
+        for name in ("mean", "scale", "weights")
     )
     return f"{HEAD}DEFAULT_LUMP = LumpFit(\n{fields},\n    offset={fit.offset:.5f},\n)\n"
 

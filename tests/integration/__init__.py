@@ -1,0 +1,1 @@
+"""The whole product: real processes, a real RTSP server, a real bus."""

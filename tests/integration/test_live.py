@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.integration.conftest import PRIOR
+from tests.integration.site import AlarmFollower, Daemon, wait_for
+from tests.servers.process import RtspServer
+
+pytestmark = pytest.mark.slow
+
+
+def camera(name: str, url: str, polygon: str, extra: str = "") -> str:
+    return f"""\
+  - id: {name}
+    source: {{url: "{url}", read_timeout_s: 2.0, open_timeout_s: 4.0, backoff: {{initial_s: 0.2, max_s: 1.0}}{extra}}}
+    blind_after_s: 2.0
+    rois:
+      - id: apron
+        polygon: {polygon}
+        alarm: {{latch: false}}
+"""
+
+
+def test_alarm_over_rtsp_and_what_becomes_of_outages(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+    with RtspServer(feed_clip) as server:
+        daemon = Daemon(tmp_path, camera("crusher-1", server.url, polygon))
+        imported = daemon.command(
+            "priors", "import", str(daemon.config), str(PRIOR), "--camera", "crusher-1", "--roi", "apron"
+        )
+        assert imported.returncode == 0, imported.stderr
+        with daemon, AlarmFollower(daemon.config, tmp_path / "alarms.log") as follower:
+            wait_for("ready", lambda: daemon.ready, 60)
+            assert daemon.metric("lumpwatch_prior_version") == 1
+            record = wait_for("alarm", follower.records, 60)[0]
+            assert record["type"] == "io.lumpwatch.alarm.raised.v1"
+            assert record["data"]["existence"] > 0.9
+            assert (record["data"]["camera"], record["data"]["roi"]) == ("crusher-1", "apron")
+            box = record["data"]["objects"][0]
+            assert box["w"] > 40
+            assert box["model"] in ("belt", "fall")
+
+            failures = daemon.metric("lumpwatch_source_failures_total", camera="crusher-1")
+            port = server.port
+            server.kill()
+            wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
+            assert daemon.get("/readyz")[0] == 503
+            assert daemon.get("/livez")[0] == 200
+            assert daemon.metric("lumpwatch_source_failures_total", camera="crusher-1") > failures
+            with RtspServer(feed_clip, port) as again:
+                wait_for("frames again", lambda: daemon.ready, 30)
+                assert daemon.metric("lumpwatch_source_connect_attempts_total") >= 2
+
+                again.stop()  # SIGSTOP: the connection stays open and is silent
+                stopped = time.monotonic()
+                wait_for("silence noticed", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
+                assert time.monotonic() - stopped < 2.0 + 3.0
+                wait_for(
+                    "time-out counted",
+                    lambda: daemon.metric("lumpwatch_source_failures_total", reason="read_timeout") >= 1,
+                    10,
+                )
+                again.cont()
+                wait_for("frames after SIGCONT", lambda: daemon.ready, 30)
+            code, seconds = daemon.stop()
+            assert code == 0
+            assert seconds < 5.0
+    assert "Traceback" not in daemon.log.read_text()
+
+
+def test_a_dead_camera_and_killed_workers_do_not_touch_the_other_camera(
+    tmp_path: Path, feed_clip: Path, polygon: str
+) -> None:
+    cameras = camera("good", str(feed_clip), polygon, ", loop: true") + camera(
+        "dead", "rtsp://user:geheim@127.0.0.1:9/stream", polygon
+    )
+    with Daemon(tmp_path, cameras) as daemon:
+
+        def frames() -> float:
+            return daemon.metric("lumpwatch_frames_processed_total", camera="good")
+
+        wait_for("good camera decides", lambda: frames() > 30, 60)
+        assert daemon.get("/readyz")[0] == 503
+        assert "dead/apron" in daemon.get("/readyz")[1]
+        before, began = frames(), time.monotonic()
+        time.sleep(3)
+        rate = (frames() - before) / (time.monotonic() - began)
+        assert rate > 10  # of 15
+
+        for role in ("camera", "monitor"):
+            pids = daemon.children()[role]
+            assert len(pids) == 2
+            for pid in pids:
+                os.kill(pid, signal.SIGKILL)
+            wait_for(
+                f"{role}s started again",
+                lambda role=role: (
+                    daemon.metric("lumpwatch_process_restarts_total", stage=role, reason="exited") == 2
+                ),
+                20,
+            )
+            counted = frames()
+            wait_for("good camera decides on", lambda counted=counted: frames() > counted + 30, 60)
+        code, seconds = daemon.stop()
+        assert code == 0
+        assert seconds < 5.0
+    text = daemon.log.read_text()
+    assert "geheim" not in text
+    assert "Traceback" not in text
+
+
+def test_a_stuck_camera_process_is_killed(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
+        wait_for("ready", lambda: daemon.ready, 60)
+        (pid,) = daemon.children()["camera"]
+        os.kill(pid, signal.SIGSTOP)
+        wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
+        wait_for(
+            "stuck process replaced",
+            lambda: daemon.metric("lumpwatch_process_restarts_total", reason="stuck") == 1,
+            40,
+        )
+        wait_for("ready again", lambda: daemon.ready, 30)
+
+
+def test_a_new_prior_is_taken_without_a_restart(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
+        wait_for("ready", lambda: daemon.ready, 60)
+        assert daemon.metric("lumpwatch_prior_version") == 0
+        where = ("--camera", "crusher-1", "--roi", "apron")
+        for version in (1, 2):
+            assert daemon.command("priors", "import", str(daemon.config), str(PRIOR), *where).returncode == 0
+            wait_for(
+                "prior taken",
+                lambda version=version: daemon.metric("lumpwatch_prior_version") == version,
+                10,
+            )
+        rolled = daemon.command("priors", "rollback", str(daemon.config), *where, "--version", "1")
+        assert rolled.returncode == 0
+        wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 10)
+        assert daemon.metric("lumpwatch_process_restarts_total") == 0
+        assert daemon.ready
+
+
+def test_a_daemon_whose_parent_is_killed_leaves_no_worker(
+    tmp_path: Path, feed_clip: Path, polygon: str
+) -> None:
+    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
+        wait_for("ready", lambda: daemon.ready, 60)
+        workers = [pid for pids in daemon.children().values() for pid in pids]
+        assert len(workers) == 2
+        assert daemon.process is not None
+        daemon.process.kill()
+        daemon.process.wait()
+        wait_for("workers gone", lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 10)

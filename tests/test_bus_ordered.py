@@ -1,0 +1,96 @@
+"""Numbered messages: once, in order, holes filled or told."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.bus.ordered import InOrder, Message, stamp, stamped
+
+ONE, TWO = "0" * 16, "f" * 16
+
+
+def message(number: int, publisher: str = ONE) -> Message:
+    return Message("k", b"%d" % number, publisher, number)
+
+
+class Kept:
+    """What the publishers still have, and how often they were asked."""
+
+    def __init__(self, *messages: Message) -> None:
+        self.messages = list(messages)
+        self.asked: list[str] = []
+
+    def __call__(self, key: str) -> list[Message]:
+        self.asked.append(key)
+        return self.messages
+
+
+def test_a_stamp_and_back() -> None:
+    assert stamp(ONE, 12) == b"0000000000000000:12"
+    assert stamped("k", b"p", stamp(ONE, 12)) == Message("k", b"p", ONE, 12)
+
+
+@given(st.binary(max_size=40))
+def test_any_other_attachment_is_of_an_unknown_publisher(attachment: bytes) -> None:
+    assert stamped("k", b"p", b"x" + attachment) == Message("k", b"p")
+    assert stamped("k", b"p", stamp(ONE, 1) + b"\n" + attachment) == Message("k", b"p")
+
+
+def test_messages_in_order_pass_without_asking() -> None:
+    kept = Kept()
+    order = InOrder(kept)
+    assert [order.due(message(n)) for n in range(3)] == [([message(n)], 0) for n in range(3)]
+    assert kept.asked == []
+
+
+def test_duplicates_and_late_ones_are_dropped() -> None:
+    order = InOrder(Kept())
+    order.due(message(0))
+    order.due(message(1))
+    assert order.due(message(1)) == ([], 0)
+    assert order.due(message(0)) == ([], 0)
+
+
+def test_a_hole_is_filled_in_order_with_messages_of_the_same_publisher() -> None:
+    kept = Kept(message(3), message(0), message(2), message(2), message(1, TWO), message(1), message(5))
+    order = InOrder(kept)
+    order.due(message(0))
+    assert order.due(message(4)) == ([message(1), message(2), message(3), message(4)], 0)
+    assert kept.asked == ["k"]
+
+
+def test_what_cannot_be_had_is_counted_once() -> None:
+    order = InOrder(Kept(message(8), message(9)))
+    order.due(message(0))
+    assert order.due(message(10)) == ([message(8), message(9), message(10)], 7)
+    assert order.due(message(11)) == ([message(11)], 0)
+
+
+def test_a_new_publisher_starts_with_what_it_has_and_has_lost_nothing() -> None:
+    order = InOrder(Kept(message(6), message(7), message(2, TWO)))
+    assert order.due(message(8)) == ([message(6), message(7), message(8)], 0)
+    assert order.due(message(3, TWO)) == ([message(2, TWO), message(3, TWO)], 0)
+
+
+def test_unknown_publishers_pass_as_they_come() -> None:
+    kept = Kept()
+    order = InOrder(kept)
+    plain = Message("k", b"p")
+    assert [order.due(plain), order.due(plain)] == [([plain], 0), ([plain], 0)]
+    assert kept.asked == []
+
+
+@given(st.lists(st.integers(0, 30), min_size=1, max_size=60))
+def test_any_arrival_gives_each_message_once_in_order_and_accounts_for_all(arrivals: list[int]) -> None:
+    kept = Kept()
+    order = InOrder(kept)
+    out: list[int] = []
+    lost = 0
+    for number in [0, *arrivals]:
+        kept.messages = [message(n) for n in range(max(0, number - 4), number + 1)]
+        messages, more = order.due(message(number))
+        out += [m.number for m in messages]
+        lost += more
+    assert out == sorted(set(out))
+    assert len(out) + lost == max(arrivals) + 1
