@@ -28,10 +28,9 @@ class PolygonBirths:
         states = blank(n)
         chosen = self.pixels[rng.integers(len(self.pixels), size=n)]
         states[:, X : Y + 1] = chosen + rng.random((n, 2))
-        mean, spread = self.profile.at(states[:, Y])
-        values = mean + spread * rng.standard_normal((n, 4))
+        values = self.profile.draw(states[:, Y], rng)
         states[:, VX : VY + 1] = values[:, :2]
-        states[:, W : H + 1] = np.exp(values[:, 2:])
+        states[:, W : H + 1] = values[:, 2:]
         rows = np.broadcast_to(self.model_probabilities, (n, len(self.model_probabilities)))
         return states, draw(rows, rng)
 

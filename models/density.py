@@ -3,7 +3,8 @@
 A density is a sum of Gaussian kernels over the training states. It is evaluated once on a regular
 grid of one or two state components and interpolated linearly from there on. With knots h apart the
 error against the exact sum is at most h^2/8 max|p''| in one dimension (twice that in two); knots a
-fifth of the bandwidth apart keep it below 0.5 % of the kernel's peak (1 % in two dimensions).
+fifth of the bandwidth apart keep it below 0.5 % of the kernel's peak (1 % in two dimensions). A grid
+has at most 4096 knots, or 256 along each of two axes: then h, and with it the bound, is larger.
 """
 
 from __future__ import annotations

@@ -33,7 +33,6 @@ from models.switching import Switching, draw
 
 Form = Literal["marginal", "sampled"]
 Order = Literal["model_first", "state_first"]
-_SIZE_NOISE = 0.05  # log size that gathers in one second: lumps turn, boxes breathe
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +150,7 @@ class JdtFilter:
             chosen = moving == m
             if chosen.any():
                 moved[chosen] = model.move(states[chosen], dt, rng)
-        self.profile.follow(states, moved)
-        moved[:, W : H + 1] *= np.exp(_SIZE_NOISE * np.sqrt(dt) * rng.standard_normal((len(moved), 2)))
+        self.profile.follow(states, moved, dt, rng)
         return moved, following, float(fell_back.mean()) if len(fell_back) else 0.0
 
 

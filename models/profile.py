@@ -16,7 +16,11 @@ from numpy.typing import NDArray
 
 from models.state import VX, VY, H, States, W, Y
 
-_QUANTITIES = 4  # vx, vy, log width, log height
+SIZE_MEMORY_S = 5.0
+"""Time after which an object's size relative to its row is forgotten to 1/e."""
+SIZE_LIMIT = 2.0
+"""Sizes lie within this many standard deviations: evidence gathers without end, so a size that is only
+improbable would in time be believed, and a medium rock taken for a small lump."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +38,29 @@ class RowProfile:
         """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
         return _interpolate(rows, self.first_row, self.row_step, self.mean, self.spread)
 
-    def follow(self, before: States, after: States) -> None:
-        """Scale the size of the moved particles by how the expected size changes with the row (in place)."""
-        old, _ = self.at(before[:, Y])
-        new, _ = self.at(after[:, Y])
-        after[:, W : H + 1] *= np.exp(np.clip(new[:, 2:] - old[:, 2:], -0.7, 0.7))
+    def follow(self, before: States, after: States, dt: float, rng: np.random.Generator) -> None:
+        """Give the moved particles their sizes after `dt` seconds (in place).
+
+        The deviation of the log size from what the row expects is an Ornstein-Uhlenbeck process whose
+        stationary law is that of newborn particles: a lump keeps its relative size for a while, and no
+        particle drifts off to a size that no lump has.
+        """
+        old_mean, _ = self.at(before[:, Y])
+        new_mean, new_spread = self.at(after[:, Y])
+        keep = np.exp(-dt / SIZE_MEMORY_S)
+        deviation = keep * (np.log(np.maximum(before[:, W : H + 1], 1e-3)) - old_mean[:, 2:])
+        deviation += np.sqrt(1.0 - keep**2) * new_spread[:, 2:] * rng.standard_normal(deviation.shape)
+        limit = SIZE_LIMIT * new_spread[:, 2:]
+        after[:, W : H + 1] = np.exp(new_mean[:, 2:] + np.clip(deviation, -limit, limit))
+
+    def draw(self, rows: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Velocity x, y, width and height (n, 4) of newborn objects at the rows (n,)."""
+        mean, spread = self.at(rows)
+        deviation = rng.standard_normal(mean.shape)
+        deviation[:, 2:] = np.clip(deviation[:, 2:], -SIZE_LIMIT, SIZE_LIMIT)
+        values = mean + spread * deviation
+        values[:, 2:] = np.exp(values[:, 2:])
+        return values
 
     def scaled(self, factor: float) -> RowProfile:
         """The profile for a picture scaled by `factor`."""

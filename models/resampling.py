@@ -1,7 +1,8 @@
 """Resampling: weights -> indices of the particles that live on.
 
 A scheme is unbiased when particle i has N w_i offspring on average. Systematic resampling has that
-property and the least spread of the usual schemes; with sorted uniforms it costs O(N).
+property and the least spread of the usual schemes; with sorted uniforms it costs O(N). Its comb
+resonates with weights that repeat at a regular distance, so particles should not be ordered that way.
 """
 
 from __future__ import annotations

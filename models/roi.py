@@ -62,6 +62,8 @@ class Roi:
         """
         if self.step % reduction:
             raise ValueError(f"the region needs at most {self.step} pixels in one, not {reduction}")
+        if (self.x - offset[0]) % reduction or (self.y - offset[1]) % reduction:
+            raise ValueError(f"the region does not start on a block of {reduction} pixels from {offset}")
         x, y = (self.x - offset[0]) // reduction, (self.y - offset[1]) // reduction
         right, bottom = x + self.width // reduction, y + self.height // reduction
         if x < 0 or y < 0 or right > picture.shape[1] or bottom > picture.shape[0]:
@@ -118,6 +120,7 @@ def make_roi(polygon: Sequence[tuple[float, float]], width: int, height: int, wo
     last = np.clip(np.ceil(high / step), 0, size // step).astype(int) * step
     w, h = (int(side) for side in last - first)
     scale = min(1.0, working_size / max(w, h, 1))
+    # One scale for both axes: rounding the shorter side leaves at most half a pixel at its far end.
     shape = round(h * scale), round(w * scale)
     if min(shape) < 8:
         raise ValueError(f"the region is only {w} x {h} pixels in a picture of {width} x {height}")

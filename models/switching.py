@@ -90,6 +90,10 @@ class FixedSwitching:
     """Frame interval for which the matrix holds."""
     momentary: NDArray[np.bool_]
 
+    def __post_init__(self) -> None:
+        """Raises ValueError where a row of the matrix is no probability."""
+        check_matrix(self.matrix)
+
     def rows(self, states: States, labels: Labels, dt: float) -> tuple[Matrix, NDArray[np.bool_]]:
         """The matrix row of each particle's label."""
         matrix = over_interval(self.matrix, dt / self.interval_s, self.momentary)
@@ -106,6 +110,10 @@ class AdaptiveSwitching:
     momentary: NDArray[np.bool_]
     density: GridDensity
 
+    def __post_init__(self) -> None:
+        """Raises ValueError where a row of the matrix is no probability (a joint one has to be divided)."""
+        check_matrix(self.matrix)
+
     def rows(self, states: States, labels: Labels, dt: float) -> tuple[Matrix, NDArray[np.bool_]]:
         """Eq. 12 for each particle, Eq. 10 where no training state is near.
 
@@ -119,9 +127,14 @@ class AdaptiveSwitching:
 
 
 def draw(rows: Matrix, rng: np.random.Generator) -> Labels:
-    """One label for each row of probabilities (n, M), by inversion of the cumulative sum."""
-    u = rng.random(len(rows))
-    return _invert(rows, u)
+    """One label for each row of probabilities (n, M), by inversion of the cumulative sum.
+
+    Raises ValueError for a row that holds no probability.
+    """
+    labels = _invert(rows, rng.random(len(rows)))
+    if len(labels) and labels.min() < 0:
+        raise ValueError("a row of probabilities is zero or not a number everywhere")
+    return labels
 
 
 @njit(cache=True)

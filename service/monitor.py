@@ -6,6 +6,7 @@ import json
 import logging
 import threading
 import time
+from dataclasses import replace
 from multiprocessing.connection import Connection
 
 from prometheus_client import CollectorRegistry
@@ -17,12 +18,14 @@ from service.bus.messages import Handler, Publisher
 from service.bus.session import open_client
 from service.config import SiteConfig
 from service.errors import LumpwatchError
+from service.frames import Frame
 from service.link import WorkerLink
 from service.logs import log_to_stderr
 from service.messages import Heartbeat, RoiBeat, utc
 from service.pipeline import CameraPipeline, RoiResult
 from service.prior_watch import PriorWatch
 from service.report import Clocks, alarm_event, state_message
+from service.sources.timing import StreamClock
 from service.store.prior import encode
 from service.store.priors import PriorStore
 from service.telemetry.metrics import MonitorMetrics
@@ -79,6 +82,7 @@ class Monitor:
             self._alarms[roi.id] = bus.alarm_publisher(self._keys.alarm(camera_id, roi.id))
         self._decisions: dict[str, RoiResult] = {}
         self._decided_s: dict[str, float] = {}
+        self._far_clock = StreamClock()  # of a camera process on another host
         self._told_skipped = 0
         self._told_malformed: dict[str, int] = {}
         self._alarm_number = 0
@@ -95,7 +99,7 @@ class Monitor:
         looked_s = beat_s = 0.0
         while not self._link.stop.is_set():
             self._link.beat()
-            frame = self._inbox.take(LOOK_EVERY_S)
+            frame = self._take()
             now = time.monotonic()
             with self._lock:
                 if frame is not None:
@@ -113,6 +117,15 @@ class Monitor:
                     self._count_inbox()
                     self._look_for_priors(now)
                     beat_s = now
+
+    def _take(self) -> Frame | None:
+        """The newest frame, with its times on the clock of this host."""
+        frame = self._inbox.take(LOOK_EVERY_S)
+        if frame is None or self._inbox.same_clock:
+            return frame
+        arrived = time.monotonic()
+        received = self._far_clock.stamp(frame.received_s, arrived).capture_s
+        return replace(frame, received_s=received, capture_s=received - (frame.received_s - frame.capture_s))
 
     def _publish(self, results: tuple[RoiResult, ...]) -> None:
         for result in results:

@@ -196,10 +196,8 @@ class CameraPipeline:
         self, roi: _Roi, transition: Transition | None, now_s: float, *, decided: bool = False
     ) -> RoiResult:
         reason = self._blind(roi, now_s)
-        if reason is not None:
-            decision = Decision.BLIND
-        else:
-            decision = Decision.LUMP if roi.alarm.state.active else Decision.CLEAR
+        clear_or_lump = Decision.LUMP if roi.alarm.state.active else Decision.CLEAR
+        decision = clear_or_lump if reason is None else Decision.BLIND
         existence = roi.detection.existence if roi.detection else 0.0
         return RoiResult(
             roi.config.id,

@@ -7,6 +7,7 @@ white, a box on the square speaks for an object and any other box against it, so
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any, Literal
 
@@ -133,3 +134,12 @@ def frame(
         data = picture(bright=bright, width=size[0], height=size[1])
     received = when if received_s is None else received_s
     return Frame(seq, when, received, 1.7e9 + received, size[0], size[1], encoding, data)
+
+
+def same(a: object, b: object) -> bool:
+    """Equal down to the bits of the arrays."""
+    if isinstance(a, np.ndarray):
+        return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b)
+    if hasattr(a, "__dataclass_fields__"):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))  # type: ignore[arg-type]
+    return bool(a == b)

@@ -147,15 +147,26 @@ def _improve(
     """Open rates and all spreads from the labelled steps; a model without steps keeps its rate."""
     improved = rates.copy()
     acceleration = (samples.velocity - samples.states[:, VX : VY + 1]) / samples.interval_s
+    settled = _settled(labels, samples.starts)
     for m, spec in enumerate(specs):
         if spec.law == "rate" and spec.rate is None and (labels == m).any():
-            improved[m] = np.median(acceleration[labels == m], axis=0)
+            clear = (labels == m) & settled
+            improved[m] = np.median(acceleration[clear if clear.any() else labels == m], axis=0)
     residuals = _residuals(samples, specs, improved)
     spreads = np.full(len(specs), least_spread)
     for m in range(len(specs)):
         if (chosen := labels == m).any():
             spreads[m] = max(least_spread, float(np.sqrt(residuals[chosen, m].mean() / 2.0)))
     return improved, spreads
+
+
+def _settled(labels: NDArray[np.intp], starts: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Steps at least three away from a switch within their track: smoothing mixes the models there."""
+    switches = np.flatnonzero((np.diff(labels) != 0) & ~starts[1:])
+    settled = np.ones(len(labels), dtype=np.bool_)
+    for k in range(-2, 4):
+        settled[np.clip(switches + k, 0, len(labels) - 1)] = False
+    return settled
 
 
 def _viterbi(

@@ -48,13 +48,13 @@ class LumpLikelihood:
     offset: float
     evidence: float
     bound: float
-    _sums: NDArray[np.uint32] | None = field(default=None, repr=False)
+    _sums: NDArray[np.int64] | None = field(default=None, repr=False)
 
     def observe(self, view: View) -> LumpObservation:
         """Compute the integral images of the picture."""
         height, width = view.gray.shape
         if self._sums is None or self._sums.shape[:2] != (height + 1, width + 1):
-            self._sums = np.zeros((height + 1, width + 1, 3), np.uint32)
+            self._sums = np.zeros((height + 1, width + 1, 3), np.int64)
         _integrate(view.gray, self._sums)
         return LumpObservation(self, self._sums, view.inside)
 
@@ -64,7 +64,7 @@ class LumpObservation:
     """The integral images of one picture."""
 
     likelihood: LumpLikelihood
-    sums: NDArray[np.uint32]
+    sums: NDArray[np.int64]
     """Integral images of brightness, its square and the gradient, side by side (h + 1, w + 1, 3)."""
     inside: NDArray[np.int32]
 
@@ -95,23 +95,22 @@ def expand(
 
 @njit(cache=True)
 def _integrate(gray, out):  # type: ignore[no-untyped-def]
-    """Integral images of brightness, its square and half the gradient's length (sum of |dx| and |dy|).
+    """Integral images of brightness, its square and the gradient (|dx| + |dy| of the neighbours).
 
-    One pass over the picture, the three sums of a pixel side by side in memory. They count modulo
-    2^32, which leaves the difference for a box exact as long as the box itself sums to less.
+    One pass over the picture, the three sums of a pixel side by side in memory.
     """
     height, width = gray.shape
     for y in range(height):
         above, below = max(y - 1, 0), min(y + 1, height - 1)
-        row_b, row_s, row_g = np.uint32(0), np.uint32(0), np.uint32(0)
+        row_b, row_s, row_g = np.int64(0), np.int64(0), np.int64(0)
         for x in range(width):
             left, right = max(x - 1, 0), min(x + 1, width - 1)
-            value = np.uint32(gray[y, x])
+            value = np.int64(gray[y, x])
             dx = np.int32(gray[y, right]) - np.int32(gray[y, left])
             dy = np.int32(gray[below, x]) - np.int32(gray[above, x])
             row_b += value
             row_s += value * value
-            row_g += np.uint32(abs(dx) + abs(dy))
+            row_g += abs(dx) + abs(dy)
             out[y + 1, x + 1, 0] = out[y, x + 1, 0] + row_b
             out[y + 1, x + 1, 1] = out[y, x + 1, 1] + row_s
             out[y + 1, x + 1, 2] = out[y, x + 1, 2] + row_g
@@ -121,16 +120,16 @@ def _integrate(gray, out):  # type: ignore[no-untyped-def]
 def _sums_of(sums, box):  # type: ignore[no-untyped-def]
     """Brightness, square, gradient and area of a box."""
     x0, y0, x1, y1 = box
-    a = np.uint32(sums[y1, x1, 0] - sums[y0, x1, 0] - sums[y1, x0, 0] + sums[y0, x0, 0])
-    b = np.uint32(sums[y1, x1, 1] - sums[y0, x1, 1] - sums[y1, x0, 1] + sums[y0, x0, 1])
-    c = np.uint32(sums[y1, x1, 2] - sums[y0, x1, 2] - sums[y1, x0, 2] + sums[y0, x0, 2])
+    a = sums[y1, x1, 0] - sums[y0, x1, 0] - sums[y1, x0, 0] + sums[y0, x0, 0]
+    b = sums[y1, x1, 1] - sums[y0, x1, 1] - sums[y1, x0, 1] + sums[y0, x0, 1]
+    c = sums[y1, x1, 2] - sums[y0, x1, 2] - sums[y1, x0, 2] + sums[y0, x0, 2]
     return float(a), float(b), float(c), float((x1 - x0) * (y1 - y0))
 
 
 @njit(cache=True)
 def _brightness(sums, box):  # type: ignore[no-untyped-def]
     x0, y0, x1, y1 = box
-    total = np.uint32(sums[y1, x1, 0] - sums[y0, x1, 0] - sums[y1, x0, 0] + sums[y0, x0, 0])
+    total = sums[y1, x1, 0] - sums[y0, x1, 0] - sums[y1, x0, 0] + sums[y0, x0, 0]
     return float(total) / ((x1 - x0) * (y1 - y0))
 
 

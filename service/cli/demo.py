@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 import threading
 import time
@@ -23,7 +24,7 @@ from service.daemon import Addresses
 from service.daemon import run as run_daemon
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
-from service.logs import log_to_stderr
+from service.logs import LEVEL, log_to_stderr
 from service.messages import AlarmEvent, StateMessage
 from service.store.priors import PriorStore, read_file
 
@@ -67,6 +68,7 @@ cameras:
 
 def demo(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    os.environ.setdefault(LEVEL, "error")  # the follower tells what happens, once
     log_to_stderr()
     stop = stop_on_signals()
     console = Console(highlight=False)

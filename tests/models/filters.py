@@ -38,7 +38,7 @@ def make_filter(
         models,
         FixedSwitching(np.array(matrix), DT, np.zeros(regimes, np.bool_)),
         births_over(100, 80, (1.0,) + (0.0,) * (regimes - 1)),
-        flat_profile((0.0, 0.0, 0.0, 0.0)),
+        flat_profile((0.0, 0.0, float(np.log(10.0)), float(np.log(10.0)))),
         chain,
         particles=particles,
         form=form,

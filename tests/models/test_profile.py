@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.profile import RowProfile, default_profile, learn_profile
+from models.profile import SIZE_LIMIT, SIZE_MEMORY_S, RowProfile, default_profile, learn_profile
 from models.state import VX, VY, H, States, W, Y
 from tests.models.helpers import boxes
 
@@ -45,23 +45,48 @@ def test_profile_of_one_row_is_constant() -> None:
     assert np.array_equal(spread, np.repeat(SLOPING.spread[:1], 3, axis=0))
 
 
+def sizes_after(profile: RowProfile, before: States, row: float, dt: float, seed: int = 0) -> States:
+    after = moving(row, 3, 4, 1, 1, len(before))
+    profile.follow(before, after, dt, np.random.default_rng(seed))
+    return after
+
+
 def test_follow_scales_the_size_by_the_expected_one() -> None:
-    """From row 20 to 70 the expected width doubles (half of log 4) and the height stays: 12 x 9 px become
-    24 x 9."""
-    before, after = moving(20, 0, 0, 12, 9), moving(70, 3, 4, 12, 9)
-    SLOPING.follow(before, after)
-    assert after[0, [W, H]] == pytest.approx([24.0, 9.0])
-    assert np.array_equal(after[0, :W], moving(70, 3, 4, 12, 9)[0, :W])
+    """From row 20 to 70 the expected width doubles (half of log 4) and the height stays: in no time, and so
+    without noise, 12 x 9 px become 24 x 9."""
+    before = moving(20, 0, 0, 12, 9)
+    after = sizes_after(SLOPING, before, 70, 1e-12)
+    assert after[0, [W, H]] == pytest.approx([24.0, 9.0], rel=1e-4)
+    assert np.array_equal(after[0, :W], moving(70, 3, 4, 1, 1)[0, :W])
     assert np.array_equal(before, moving(20, 0, 0, 12, 9))
 
 
-def test_follow_is_limited() -> None:
-    """A jump over all rows changes a size by exp(0.7) at most, not by 4."""
-    before, after = moving(20, 0, 0, 12, 9), moving(120, 0, 0, 12, 9)
-    SLOPING.follow(before, after)
-    assert after[0, [W, H]] == pytest.approx([12 * np.exp(0.7), 9.0])
-    SLOPING.follow(moving(120, 0, 0, 12, 9), back := moving(20, 0, 0, 12, 9))
-    assert back[0, [W, H]] == pytest.approx([12 * np.exp(-0.7), 9.0])
+def test_follow_keeps_the_law_of_newborn_sizes() -> None:
+    """Sizes drawn at row 70 have the spreads 0.2 and 0.1 there, and keep them whatever the step."""
+    rng = np.random.default_rng(1)
+    before = moving(70, 0, 0, 1, 1, 20_000)
+    before[:, W : H + 1] = SLOPING.draw(before[:, Y], rng)[:, 2:]
+    for dt in (0.05, 5.0):
+        logs = np.log(sizes_after(SLOPING, before, 70, dt)[:, W : H + 1])
+        # Clipping at two standard deviations leaves 0.959 of a normal deviate's spread.
+        assert logs.std(axis=0) == pytest.approx([0.959 * 0.2, 0.959 * 0.1], rel=0.03)
+        assert logs.mean(axis=0) == pytest.approx([np.log(20.0), np.log(10.0)], abs=0.01)
+
+
+def test_follow_forgets_in_the_stated_time() -> None:
+    """A width 0.3 in log above the expected one (1.5 spreads) is 0.3 / e above it after the memory time."""
+    before = moving(70, 0, 0, 20 * np.exp(0.3), 10, 20_000)
+    logs = np.log(sizes_after(SLOPING, before, 70, SIZE_MEMORY_S)[:, W])
+    # The limit of 0.4 cuts off 5 % above and 0.2 % below: the mean loses some 0.004.
+    assert logs.mean() - np.log(20.0) == pytest.approx(0.3 / np.e, abs=0.006)
+
+
+def test_no_size_beyond_the_limit() -> None:
+    before = moving(70, 0, 0, 90, 2, 1000)
+    deviation = np.log(sizes_after(SLOPING, before, 70, 0.1)[:, W : H + 1]) - np.log([20.0, 10.0])
+    assert np.abs(deviation / [0.2, 0.1]).max() <= SIZE_LIMIT + 1e-9
+    drawn = np.log(SLOPING.draw(np.full(5000, 70.0), np.random.default_rng(2))[:, 2:]) - np.log([20.0, 10.0])
+    assert np.abs(drawn / [0.2, 0.1]).max() == pytest.approx(SIZE_LIMIT)
 
 
 @given(st.floats(20, 120), st.floats(0.05, 20))

@@ -1,0 +1,26 @@
+"""Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
+
+Words on the command line choose some: lumps, pictures.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+from tests.reproduction import lumps, pictures  # noqa: E402 - threads are counted at import
+
+EXPERIMENTS = {"lumps": lumps.main, "pictures": pictures.main}
+
+if __name__ == "__main__":
+    chosen = sys.argv[1:] or list(EXPERIMENTS)
+    if unknown := set(chosen) - set(EXPERIMENTS):
+        sys.exit(f"unknown experiment {', '.join(sorted(unknown))}; there are {', '.join(EXPERIMENTS)}")
+    for experiment in chosen:
+        began = time.monotonic()
+        EXPERIMENTS[experiment]()
+        print(f"{experiment}: {time.monotonic() - began:.0f} s")

@@ -1,0 +1,201 @@
+"""What goes out: JSON that its published schema accepts, alarm records as CloudEvents."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+import jsonschema
+import pytest
+
+from service.alarms import Alarm, AlarmState, Change, Transition
+from service.cli.schema import text
+from service.detector import DetectedObject, Detection
+from service.messages import BlindReason, Decision, Heartbeat, RoiBeat, utc
+from service.pipeline import RoiResult
+from service.report import Clocks, alarm_event, state_line, state_message
+from tests.service_helpers import frame
+
+FOUND = DetectedObject(3, 101.2345, 50.0, 30.005, 20.0, 2.0, 3.333, 0.98765432, "belt")
+RAISED = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 100.0)
+RESULT = RoiResult(
+    roi="apron",
+    frame=frame(41, time_s=100.0, received_s=100.02),
+    decision=Decision.LUMP,
+    reason=None,
+    detection=Detection(0.98765432, (FOUND,), 850.0, 0.0),
+    existence=0.98765432,
+    alarm=Alarm(AlarmState.UNACKNOWLEDGED),
+    transition=RAISED,
+    prior=4,
+    decided=True,
+)
+STARTING = RoiResult(
+    "apron", None, Decision.BLIND, BlindReason.STARTING, None, 0.0, Alarm(), None, 0, decided=False
+)
+CLOCKS = Clocks(monotonic_s=100.125, wall_s=1_700_000_000.5)
+BEAT = Heartbeat(
+    site="pit",
+    camera="cam",
+    seq=7,
+    time=utc(1_700_000_000.5),
+    valid_s=3.0,
+    rois={
+        "apron": RoiBeat(state=Decision.LUMP, decided_ago_s=0.04),
+        "chute": RoiBeat(state=Decision.BLIND, decided_ago_s=None),
+    },
+)
+
+
+def record(line: bytes) -> dict[str, Any]:
+    assert b"\n" not in line
+    loaded: dict[str, Any] = json.loads(line)
+    return loaded
+
+
+def validator(of: str) -> jsonschema.Draft202012Validator:
+    schema = json.loads(text(of))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+EVENT = record(alarm_event(RESULT, "pit", "cam", 12, CLOCKS).line())
+RECORDS = {
+    "alarm": [
+        EVENT,
+        record(alarm_event(replace(RESULT, detection=None, frame=None), "pit", "cam", 1, CLOCKS).line()),
+    ],
+    "state": [
+        record(state_message(RESULT, "pit", "cam", CLOCKS).line()),
+        record(state_message(STARTING, "pit", "cam", CLOCKS).line()),
+    ],
+    "heartbeat": [record(BEAT.line())],
+    "replay": [
+        record(state_line(RESULT, "cam", 90.0).line()),
+        record(state_line(STARTING, "cam", 0.0).line()),
+    ],
+}
+
+
+@pytest.mark.parametrize("of", RECORDS)
+def test_records_fit_their_published_schema(of: str) -> None:
+    for one in RECORDS[of]:
+        validator(of).validate(one)
+
+
+@pytest.mark.parametrize("of", RECORDS)
+def test_the_schema_describes_every_field_and_its_type(of: str) -> None:
+    check, one = validator(of), RECORDS[of][0]
+    assert set(one) == set(check.schema["properties"])
+    for field in one:
+        assert list(check.iter_errors(one | {field: ["another type"]})), f"{field} may be anything"
+        assert check.schema["properties"][field].get("description")
+
+
+@pytest.mark.parametrize(
+    ("of", "needed"),
+    [
+        ("alarm", {"id", "source", "type", "subject", "time", "data"}),
+        pytest.param(
+            "alarm",
+            {"specversion"},
+            marks=pytest.mark.xfail(strict=True, reason="fields with a default are optional in the schema"),
+        ),
+        ("state", {"frame", "time_s", "camera", "roi", "state", "existence", "site", "alarm"}),
+        ("heartbeat", {"site", "camera", "seq", "time", "valid_s"}),
+        ("replay", {"frame", "time_s", "camera", "roi", "state", "existence"}),
+    ],
+)
+def test_the_schema_asks_for_what_must_be_there(of: str, needed: set[str]) -> None:
+    for field in needed:
+        less = {key: value for key, value in RECORDS[of][0].items() if key != field}
+        assert list(validator(of).iter_errors(less)), f"{field} may be missing"
+
+
+def test_readers_take_fields_that_they_do_not_know() -> None:
+    for of, records in RECORDS.items():
+        validator(of).validate(records[0] | {"added_later": 1})
+
+
+# Alarm records
+
+
+def test_an_alarm_record_is_a_cloud_event() -> None:
+    assert {key: EVENT[key] for key in ("specversion", "source", "type", "subject", "datacontenttype")} == {
+        "specversion": "1.0",
+        "source": "/lumpwatch/pit/cam/apron",
+        "type": "io.lumpwatch.alarm.raised.v1",
+        "subject": "cam/apron",
+        "datacontenttype": "application/json",
+    }
+    assert EVENT["id"]
+    assert datetime.fromisoformat(EVENT["time"]) == datetime(2023, 11, 14, 22, 13, 20, 500_000, tzinfo=UTC)
+    # CloudEvents 1.0: names of attributes are lower-case letters and digits.
+    assert all(name.isalnum() and name.islower() for name in EVENT)
+
+
+def test_what_an_alarm_record_says() -> None:
+    data = EVENT["data"]
+    assert {key: data[key] for key in data if key not in ("objects", "timing")} == {
+        "site": "pit",
+        "camera": "cam",
+        "roi": "apron",
+        "change": "raised",
+        "state": "UNACKNOWLEDGED",
+        "previous": "NORMAL",
+        "frame": 42,
+        "time_s": 100.0,
+        "existence": 0.987654,
+        "actor": None,
+        "prior": 4,
+    }
+    assert data["objects"] == [
+        {
+            "x": 101.23,
+            "y": 50.0,
+            "w": 30.0,
+            "h": 20.0,
+            "existence": 0.987654,
+            "model": "belt",
+            "id": 3,
+            "spread_x": 2.0,
+            "spread_y": 3.33,
+        }
+    ]
+    assert data["timing"]["age_s"] == 0.125
+    assert datetime.fromisoformat(data["timing"]["captured"]) == utc(1_700_000_000.375)
+    assert datetime.fromisoformat(data["timing"]["decided"]) == utc(1_700_000_000.5)
+
+
+def test_who_acknowledged_is_told() -> None:
+    acknowledged = Transition(
+        Change.ACKNOWLEDGED, AlarmState.UNACKNOWLEDGED, AlarmState.ACKNOWLEDGED, 101.0, "Ada"
+    )
+    event = alarm_event(replace(RESULT, transition=acknowledged), "pit", "cam", 13, CLOCKS)
+    assert event.type == "io.lumpwatch.alarm.acknowledged.v1"
+    assert (event.data.change, event.data.actor) == ("acknowledged", "Ada")
+    assert (event.data.previous, event.data.state) == ("UNACKNOWLEDGED", "ACKNOWLEDGED")
+
+
+def test_ids_rise_with_time_and_number() -> None:
+    moments = [(1, 0.0), (2, 0.0), (3, 9.9), (4, 1e9), (5, 1.7e9), (6, 1.7e9)]
+    ids = [alarm_event(RESULT, "pit", "cam", n, Clocks(100.0, wall)).id for n, wall in moments]
+    assert ids == sorted(set(ids))
+
+
+# States
+
+
+def test_a_state_line_has_the_fields_of_the_contract() -> None:
+    line = record(state_line(RESULT, "cam", 90.0).line())
+    assert {"frame", "time_s", "camera", "roi", "state", "existence", "objects"} == set(line)
+    assert (line["frame"], line["time_s"], line["state"]) == (42, 10.0, "LUMP")
+    assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(line["objects"][0])
+
+
+def test_a_state_before_the_first_frame() -> None:
+    state = record(state_message(STARTING, "pit", "cam", CLOCKS).line())
+    assert (state["frame"], state["state"], state["reason"]) == (0, "BLIND", "starting")
+    assert (state["timing"], state["objects"], state["alarm"]) == (None, [], "NORMAL")

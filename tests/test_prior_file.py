@@ -1,0 +1,224 @@
+"""The file of a prior: exact, checksummed, and refused with one line where anything is wrong."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.density import GridDensity
+from models.state import X, Y
+from service.store.prior import PriorError, decode, encode
+from tests.service_helpers import bright_fit, camera, learned, lump_fit, prior, same
+
+KINDS = {
+    "histogram": prior(learned(likelihood=bright_fit())),
+    "colour": prior(learned(likelihood=bright_fit("colour"))),
+    "lump": prior(learned(("belt", "fall"), lump_fit())),
+}
+CONTENT = encode(KINDS["lump"])
+
+
+def sealed(body: bytes) -> bytes:
+    """A file with a right checksum around any body."""
+    return b"lumpwatch-prior 1 %s %d\n" % (hashlib.sha256(body).hexdigest().encode(), len(body)) + body
+
+
+def body_of(content: bytes) -> bytes:
+    return content.split(b"\n", 1)[1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_prior_survives_its_file_exactly(kind: str) -> None:
+    assert same(decode(encode(KINDS[kind]), "x"), KINDS[kind])
+
+
+def test_a_density_over_two_components_survives() -> None:
+    grid = GridDensity((X, Y), np.array([-0.1, 0.3]), np.array([0.1, 0.2]), np.arange(24.0).reshape(1, 4, 6))
+    kept = prior(replace(learned(), density=grid))
+    assert same(decode(encode(kept), "x"), kept)
+
+
+def test_the_same_prior_gives_the_same_bytes() -> None:
+    for kept in KINDS.values():
+        assert encode(decode(encode(kept), "x")) == encode(kept)
+
+
+@given(st.integers(0, len(CONTENT) - 1), st.integers(1, 255))
+def test_any_changed_byte_is_refused(place: int, change: int) -> None:
+    damaged = bytearray(CONTENT)
+    damaged[place] ^= change
+    with pytest.raises(PriorError, match=r"^demo: "):
+        decode(bytes(damaged), "demo")
+
+
+@pytest.mark.parametrize("place", range(CONTENT.index(b"\n") + 1))
+def test_every_byte_of_the_first_line_counts(place: int) -> None:
+    for bit in range(8):
+        damaged = bytearray(CONTENT)
+        damaged[place] ^= 1 << bit
+        with pytest.raises(PriorError):
+            decode(bytes(damaged), "demo")
+
+
+@given(st.integers(0, len(CONTENT) - 1))
+def test_any_truncation_is_refused(length: int) -> None:
+    with pytest.raises(PriorError, match=r"^demo: "):
+        decode(CONTENT[:length], "demo")
+
+
+@given(st.binary(min_size=1, max_size=8))
+def test_bytes_to_spare_are_refused(more: bytes) -> None:
+    with pytest.raises(PriorError, match="truncated or has bytes to spare"):
+        decode(CONTENT + more, "demo")
+
+
+@given(st.binary(max_size=300))
+def test_any_other_file_is_refused(content: bytes) -> None:
+    with pytest.raises(PriorError):
+        decode(content, "demo")
+
+
+def test_another_format_is_named() -> None:
+    with pytest.raises(PriorError, match=r"^demo: has format 2, this version reads format 1$"):
+        decode(CONTENT.replace(b"lumpwatch-prior 1 ", b"lumpwatch-prior 2 ", 1), "demo")
+
+
+class _Trap:
+    """Says so when it is unpickled."""
+
+    sprung = False
+
+    def __reduce__(self) -> tuple[object, tuple[object, ...]]:
+        return _spring, ()
+
+
+def _spring() -> str:
+    _Trap.sprung = True
+    return ""
+
+
+def test_a_pickled_archive_is_refused_without_running_it() -> None:
+    _Trap.sprung = False
+    for name in ("meta", "rates"):
+        with np.load(io.BytesIO(body_of(CONTENT))) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+        arrays[name] = np.array([_Trap()], dtype=object)
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        with pytest.raises(PriorError, match="not as expected"):
+            decode(sealed(buffer.getvalue()), "demo")
+    assert not _Trap.sprung
+
+
+def _altered(name: str, value: object) -> bytes:
+    """A file with a right checksum in which one array, or one entry of the meta data, is another."""
+    with np.load(io.BytesIO(body_of(CONTENT))) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    if isinstance(value, np.ndarray):
+        arrays[name] = value
+    else:
+        meta = json.loads(arrays["meta"].tobytes())
+        meta[name] = value
+        arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), np.uint8)
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return sealed(buffer.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rates", np.zeros((3, 2))),
+        ("joint", np.zeros((2, 3))),
+        ("births", np.array([0.5, np.nan])),
+        ("density_values", np.ones((1, 11))),
+        ("density_values", np.ones((2, 11, 2))),
+        ("profile_mean", np.full((5, 4), np.inf)),
+        ("fit_line", np.zeros(0)),
+        ("profile_rows", np.zeros(1)),
+        ("models", ["belt"]),
+        ("models", 7),
+        ("components", "y"),
+        ("polygon", "everywhere"),
+        ("created", "yesterday"),
+        ("interval_s", None),
+        ("frames", "many"),
+        ("meta", np.zeros(3, np.uint8)),
+        ("meta", np.frombuffer(b"[1]", np.uint8)),
+    ],
+)
+def test_content_that_cannot_be_right_is_refused(name: str, value: object) -> None:
+    with pytest.raises(PriorError, match=r"^demo: the prior's content is not as expected"):
+        decode(_altered(name, value), "demo")
+
+
+@pytest.mark.xfail(
+    strict=True, reason="_learned does not check the shapes of profile and fit; kernels read beyond"
+)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("fit_mean", np.zeros(7)),
+        ("fit_weights", np.zeros(8)),
+        ("profile_mean", np.zeros((5, 2))),
+        ("profile_spread", np.zeros((3, 4))),
+        ("density_origin", np.zeros(0)),
+        ("components", [40]),
+    ],
+)
+def test_shapes_of_profile_and_fit_are_checked(name: str, value: object) -> None:
+    with pytest.raises(PriorError):
+        decode(_altered(name, value), "demo")
+
+
+def test_an_array_file_in_place_of_an_archive_is_refused() -> None:
+    buffer = io.BytesIO()
+    np.save(buffer, np.zeros(3))
+    for body in (buffer.getvalue(), b"PK\x03\x04", b"\x80\x04N."):
+        with pytest.raises(PriorError):
+            decode(sealed(body), "demo")
+
+
+def _unknown_compression() -> bytes:
+    body = bytearray(body_of(CONTENT))
+    entry = body.index(b"PK\x01\x02")
+    body[entry + 10] = 97  # the compression method of the first file in the archive's directory
+    return bytes(body)
+
+
+def _boundless() -> bytes:
+    """An array that claims to hold 8 PB."""
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**15,)})
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("meta.npy", head.getvalue())
+    return buffer.getvalue()
+
+
+@pytest.mark.xfail(strict=True, reason="decode: EOFError, NotImplementedError, MemoryError are not expected")
+@pytest.mark.parametrize("body", [b"", _unknown_compression(), _boundless()])
+def test_an_archive_that_the_reader_trips_over_is_refused(body: bytes) -> None:
+    with pytest.raises(PriorError):
+        decode(sealed(body), "demo")
+
+
+def test_a_prior_fits_its_own_roi_and_shape_only() -> None:
+    kept, roi = KINDS["histogram"], camera().rois[0]
+    kept.check_fits(roi, 96, 64)
+    kept.check_fits(roi, 192, 128)
+    with pytest.raises(PriorError, match=r"pictures of another shape \(1\.500 wide to 1 high, now 1\.333\)"):
+        kept.check_fits(roi, 640, 480)
+    moved = roi.model_copy(update={"polygon": (*roi.polygon[:3], (0.1, 0.8))})
+    with pytest.raises(PriorError, match="prior of roi apron: was trained for another polygon"):
+        kept.check_fits(moved, 96, 64)
+    with pytest.raises(PriorError, match="another polygon"):
+        kept.check_fits(roi.model_copy(update={"polygon": roi.polygon[:3]}), 96, 64)

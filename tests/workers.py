@@ -1,0 +1,84 @@
+"""Worker processes for the tests of the supervisor: each has one way to behave."""
+
+from __future__ import annotations
+
+import signal
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from prometheus_client import CollectorRegistry, Counter, Gauge
+
+from service.link import WorkerLink
+
+
+def _metrics(registry: CollectorRegistry) -> None:
+    """Three events and a level."""
+    Counter("worked", "Work done.", ("camera",), registry=registry).labels("cam").inc(3)
+    Gauge("level", "How high.", ("camera",), registry=registry).labels("cam").set(0.5)
+
+
+def good(connection: Connection) -> None:
+    """Works until it is told to stop, and reports what it has done since."""
+    registry = CollectorRegistry()
+    link = WorkerLink(connection, registry)
+    _metrics(registry)
+    link.state = "running"
+    link.decided["apron"] = time.monotonic()
+    while not link.wait(0.05):
+        pass
+    Counter("stopped", "Ends.", registry=registry).inc()
+    link.state = "stopped"
+    link.close()
+
+
+def passing(connection: Connection) -> None:
+    """Works for a moment and ends by itself."""
+    registry = CollectorRegistry()
+    link = WorkerLink(connection, registry)
+    _metrics(registry)
+    link.wait(0.3)
+    link.close()
+
+
+def failing(connection: Connection) -> None:
+    """Ends at once, without a word."""
+    raise SystemExit(3)
+
+
+def hanging(once: str, connection: Connection) -> None:
+    """Beats once and hangs, the first time; works the second time."""
+    path = Path(once)
+    if path.exists():
+        good(connection)
+        return
+    path.touch()
+    registry = CollectorRegistry()
+    link = WorkerLink(connection, registry)
+    _metrics(registry)
+    link.beat()
+    time.sleep(600)
+
+
+def deaf(connection: Connection) -> None:
+    """Ignores every wish to stop."""
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    link = WorkerLink(connection, CollectorRegistry())
+    link._listen = lambda: None  # type: ignore[method-assign]
+    while True:
+        link.beat()
+        time.sleep(0.05)
+
+
+def mute(connection: Connection) -> None:
+    """Never opens the line at all, and ignores signals."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)
+    time.sleep(600)
+
+
+def stubborn(connection: Connection) -> None:
+    """Hears the wish to stop but its main loop does not turn: the link ends the process."""
+    WorkerLink(connection, CollectorRegistry())
+    time.sleep(600)
