@@ -20,12 +20,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from models.births import PolygonBirths
 from models.existence import ExistenceChain
 from models.likelihood.base import Observation
-from models.motion import MotionModel
+from models.motion import MotionModel, move_by_label
 from models.profile import RowProfile
 from models.resampling import effective_size, systematic
 from models.state import Belief, Estimate, H, Labels, States, W, X, Y
@@ -145,11 +146,7 @@ class JdtFilter:
         rows, fell_back = self.switching.rows(states, labels, dt)
         following = draw(rows, rng)
         moving = following if self.order == "model_first" else labels
-        moved = np.empty_like(states)
-        for m, model in enumerate(self.models):
-            chosen = moving == m
-            if chosen.any():
-                moved[chosen] = model.move(states[chosen], dt, rng)
+        moved = move_by_label(self.models, states, moving, dt, rng)
         self.profile.follow(states, moved, dt, rng)
         return moved, following, float(fell_back.mean()) if len(fell_back) else 0.0
 
@@ -166,18 +163,34 @@ def _estimate(states: States, labels: Labels, weights: NDArray[np.float64], mode
     A plain mean over particles would lie between two candidates; three steps of mean shift from the
     heaviest particle, with the box as the kernel, stay with one.
     """
-    if float(weights.sum()) <= 0.0:
-        return None
-    centre = states[int(np.argmax(weights))]
-    for _ in range(3):
-        near = (np.abs(states[:, X] - centre[X]) <= 0.5 * centre[W]) & (
-            np.abs(states[:, Y] - centre[Y]) <= 0.5 * centre[H]
-        )
-        local = weights * near
-        total = local.sum()
+    found, mean, variance, shares = _mode(states, labels, weights, models)
+    return Estimate(mean, np.sqrt(variance), shares) if found else None
+
+
+@njit(cache=True)
+def _mode(states, labels, weights, models):  # type: ignore[no-untyped-def]
+    """Mean and variance (8,) and model shares (M,) within a box around the strongest mode."""
+    centre = states[np.argmax(weights)].copy()
+    first, second, shares = np.zeros(8), np.zeros(8), np.zeros(models)
+    for step in range(3):
+        reach_x, reach_y = 0.5 * centre[W], 0.5 * centre[H]
+        total = 0.0
+        first[:] = 0.0
+        for i in range(len(states)):
+            weight = weights[i]
+            if abs(states[i, X] - centre[X]) > reach_x or abs(states[i, Y] - centre[Y]) > reach_y:
+                continue
+            total += weight
+            for k in range(8):
+                # Around the last centre: no digits are lost to the distance from the origin.
+                offset = states[i, k] - centre[k]
+                first[k] += weight * offset
+                if step == 2:
+                    second[k] += weight * offset * offset
+            if step == 2:
+                shares[labels[i]] += weight
         if total <= 0.0:
-            return None
-        centre = local @ states / total
-    variance = local @ np.square(states - centre) / total
-    shares = np.bincount(labels, weights=local, minlength=models) / total
-    return Estimate(centre, np.sqrt(variance), shares)
+            return False, centre, second, shares
+        first /= total
+        centre += first
+    return True, centre, np.maximum(second / total - first * first, 0.0), shares / total

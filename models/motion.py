@@ -10,20 +10,37 @@ as one whole step. A noise parameter is the standard deviation that gathers in o
     free acceleration      a' = a + w                 (white-noise jerk; paper 2, Eq. 12)
     bounce                 v' = -v + w on an axis     (an event at the start of the step)
 
+All of these are affine in the state with Gaussian noise. Such a model states its coefficients as a
+`law`, and one kernel moves the particles of all of them; any other model writes `move` itself.
+
 Sources: paper 1, section 4; paper 2, Eq. 10-12; Bar-Shalom, Li, Kirubarajan (2001), section 6.2.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from models.state import AX, AY, VX, VY, States, X, Y
+from models.state import Labels, States
 
-Noise = NDArray[np.float64]
+Row = tuple[float, float, float, float, float, float, float]
+"""Coefficients of (position, velocity, acceleration, 1, w1, w2, w3), the w independent and N(0, 1)."""
+AxisLaw = tuple[Row, Row, Row]
+"""What position, velocity and acceleration along one axis become."""
+Law = tuple[AxisLaw, AxisLaw]
+"""Along x and along y."""
+
+_KEPT_POSITION: Row = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_KEPT_VELOCITY: Row = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_KEPT_ACCELERATION: Row = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+_ZERO: Row = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_KEPT: AxisLaw = (_KEPT_POSITION, _KEPT_VELOCITY, _KEPT_ACCELERATION)
 
 
 class MotionModel(Protocol):
@@ -41,24 +58,50 @@ class MotionModel(Protocol):
         """Draw the states (n, 8) after `dt` seconds; `states` is not changed."""
 
 
-def _wiener_velocity(
-    states: States, dt: float, noise: float, rng: np.random.Generator, rate: tuple[float, float] = (0.0, 0.0)
+class AffineModel:
+    """A model that is affine in the state, with Gaussian noise: it states its law, `move` follows."""
+
+    __slots__ = ()
+
+    def law(self, dt: float) -> Law:
+        """The coefficients for a step of `dt` seconds."""
+        raise NotImplementedError
+
+    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
+        """Draw the states (n, 8) after `dt` seconds; `states` is not changed."""
+        return _move(states, np.zeros(len(states), np.intp), np.array([self.law(dt)]), rng)
+
+
+def move_by_label(
+    models: Sequence[MotionModel], states: States, labels: Labels, dt: float, rng: np.random.Generator
 ) -> States:
-    """Integrate p' = v, v' = rate + white noise exactly over `dt`, in a fresh array."""
-    moved = states.copy()
-    kick = rng.standard_normal((len(states), 4))
-    velocity_kick = noise * np.sqrt(dt) * kick[:, :2]
-    position_kick = 0.5 * dt * velocity_kick + noise * np.sqrt(dt**3 / 12.0) * kick[:, 2:]
-    drift = np.asarray(rate) * dt
-    moved[:, X : Y + 1] += states[:, VX : VY + 1] * dt + 0.5 * drift * dt + position_kick
-    moved[:, VX : VY + 1] += drift + velocity_kick
-    moved[:, AX] = rate[0]
-    moved[:, AY] = rate[1]
+    """Draw the states (n, 8) after `dt` seconds, each moved by the model of its label (n,)."""
+    laws = [model.law(dt) if isinstance(model, AffineModel) else (_KEPT, _KEPT) for model in models]
+    moved = _move(states, labels, np.array(laws), rng)
+    for m, model in enumerate(models):
+        if not isinstance(model, AffineModel):
+            chosen = labels == m
+            if chosen.any():
+                moved[chosen] = model.move(states[chosen], dt, rng)
     return moved
 
 
+def _diffusing(dt: float, noise: float) -> Row:
+    return (1.0, 0.0, 0.0, 0.0, noise * sqrt(dt), 0.0, 0.0)
+
+
+def _wiener_velocity(dt: float, noise: float, rate: float = 0.0, sign: float = 1.0) -> AxisLaw:
+    """Integrate p' = v, v' = rate + white noise exactly over `dt`, from `sign` times the velocity."""
+    kick = noise * sqrt(dt)
+    return (
+        (1.0, sign * dt, 0.0, 0.5 * rate * dt**2, 0.5 * dt * kick, dt * kick / sqrt(12.0), 0.0),
+        (0.0, sign, 0.0, rate * dt, kick, 0.0, 0.0),
+        (0.0, 0.0, 0.0, rate, 0.0, 0.0, 0.0),
+    )
+
+
 @dataclass(frozen=True, slots=True)
-class ConstantPosition:
+class ConstantPosition(AffineModel):
     """The object stands: velocity and acceleration are zero (paper 2, Eq. 10)."""
 
     name: str
@@ -66,16 +109,14 @@ class ConstantPosition:
     """px gathered in one second."""
     momentary: bool = False
 
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
+    def law(self, dt: float) -> Law:
         """Diffuse the position and stop."""
-        moved = states.copy()
-        moved[:, X : Y + 1] += self.position_noise * np.sqrt(dt) * rng.standard_normal((len(states), 2))
-        moved[:, VX : AY + 1] = 0.0
-        return moved
+        axis = (_diffusing(dt, self.position_noise), _ZERO, _ZERO)
+        return axis, axis
 
 
 @dataclass(frozen=True, slots=True)
-class RandomWalk:
+class RandomWalk(AffineModel):
     """X_t = X_{t-1} + w (paper 1, section 4.3); the velocity is kept for the model that follows."""
 
     name: str
@@ -83,15 +124,14 @@ class RandomWalk:
     """px gathered in one second."""
     momentary: bool = False
 
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
+    def law(self, dt: float) -> Law:
         """Diffuse the position."""
-        moved = states.copy()
-        moved[:, X : Y + 1] += self.position_noise * np.sqrt(dt) * rng.standard_normal((len(states), 2))
-        return moved
+        axis = (_diffusing(dt, self.position_noise), _KEPT_VELOCITY, _KEPT_ACCELERATION)
+        return axis, axis
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantVelocity:
+class ConstantVelocity(AffineModel):
     """v_t = v_{t-1} + w (paper 1, section 4.1)."""
 
     name: str
@@ -99,13 +139,14 @@ class ConstantVelocity:
     """px/s gathered in one second."""
     momentary: bool = False
 
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
+    def law(self, dt: float) -> Law:
         """Move by the velocity, with white-noise acceleration."""
-        return _wiener_velocity(states, dt, self.velocity_noise, rng)
+        axis = _wiener_velocity(dt, self.velocity_noise)
+        return axis, axis
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantAcceleration:
+class ConstantAcceleration(AffineModel):
     """v_t = v_{t-1} + a dt + w at a given rate a (paper 1, section 4.4)."""
 
     name: str
@@ -115,13 +156,17 @@ class ConstantAcceleration:
     """px/s gathered in one second."""
     momentary: bool = False
 
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
+    def law(self, dt: float) -> Law:
         """Move by velocity and rate, with white-noise acceleration."""
-        return _wiener_velocity(states, dt, self.velocity_noise, rng, self.rate)
+        along_x, along_y = self.rate
+        return (
+            _wiener_velocity(dt, self.velocity_noise, along_x),
+            _wiener_velocity(dt, self.velocity_noise, along_y),
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class FreeAcceleration:
+class FreeAcceleration(AffineModel):
     """Acceleration is part of the state and drifts (paper 2, Eq. 12; white-noise jerk)."""
 
     name: str
@@ -129,28 +174,30 @@ class FreeAcceleration:
     """px/s^2 gathered in one second."""
     momentary: bool = False
 
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
-        """Move by velocity and acceleration; the acceleration takes the noise."""
-        covariance = np.array(
-            [
-                [dt**5 / 20, dt**4 / 8, dt**3 / 6],
-                [dt**4 / 8, dt**3 / 3, dt**2 / 2],
-                [dt**3 / 6, dt**2 / 2, dt],
-            ]
+    def law(self, dt: float) -> Law:
+        """Move by velocity and acceleration; the acceleration takes the noise.
+
+        w1 is the jerk's integral; w2 and w3 are what is left of its second and third integral.
+        """
+        kick = self.acceleration_noise * sqrt(dt)
+        axis = (
+            (
+                1.0,
+                dt,
+                dt**2 / 2,
+                0.0,
+                kick * dt**2 / 6,
+                kick * dt**2 / sqrt(48.0),
+                kick * dt**2 / sqrt(720.0),
+            ),
+            (0.0, 1.0, dt, 0.0, kick * dt / 2, kick * dt / sqrt(12.0), 0.0),
+            (0.0, 0.0, 1.0, 0.0, kick, 0.0, 0.0),
         )
-        kick = self.acceleration_noise * (
-            np.linalg.cholesky(covariance) @ rng.standard_normal((len(states), 2, 3, 1))
-        ).squeeze(-1)
-        moved = states.copy()
-        velocity, acceleration = states[:, VX : VY + 1], states[:, AX : AY + 1]
-        moved[:, X : Y + 1] += velocity * dt + 0.5 * acceleration * dt**2 + kick[..., 0]
-        moved[:, VX : VY + 1] += acceleration * dt + kick[..., 1]
-        moved[:, AX : AY + 1] += kick[..., 2]
-        return moved
+        return axis, axis
 
 
 @dataclass(frozen=True, slots=True)
-class Bounce:
+class Bounce(AffineModel):
     """v_t = -v_{t-1} + w on the chosen axes (paper 1, section 4.1), then on with that velocity."""
 
     name: str
@@ -160,11 +207,36 @@ class Bounce:
     along_y: bool
     momentary: bool = True
 
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
+    def law(self, dt: float) -> Law:
         """Reflect the velocity at the start of the step and move by it."""
-        reflected = states.copy()
-        if self.along_x:
-            reflected[:, VX] *= -1.0
-        if self.along_y:
-            reflected[:, VY] *= -1.0
-        return _wiener_velocity(reflected, dt, self.velocity_noise, rng)
+        x_sign, y_sign = -1.0 if self.along_x else 1.0, -1.0 if self.along_y else 1.0
+        return (
+            _wiener_velocity(dt, self.velocity_noise, sign=x_sign),
+            _wiener_velocity(dt, self.velocity_noise, sign=y_sign),
+        )
+
+
+@njit(cache=True)
+def _move(states, labels, laws, rng):  # type: ignore[no-untyped-def]
+    """Apply each label's law to the columns (x, y, vx, vy, ax, ay); the size stays."""
+    moved = np.empty(states.shape)
+    sources = np.zeros(len(laws), np.intp)  # how many of w1, w2, w3 a law uses
+    for m in range(len(laws)):
+        for w in range(3):
+            if np.any(laws[m, :, :, 4 + w] != 0.0):
+                sources[m] = w + 1
+    for i in range(len(states)):
+        m = labels[i]
+        for axis in range(2):
+            law = laws[m, axis]
+            p, v, a = states[i, axis], states[i, 2 + axis], states[i, 4 + axis]
+            w1 = rng.standard_normal() if sources[m] > 0 else 0.0
+            w2 = rng.standard_normal() if sources[m] > 1 else 0.0
+            w3 = rng.standard_normal() if sources[m] > 2 else 0.0
+            for k in range(3):
+                moved[i, 2 * k + axis] = (
+                    law[k, 0] * p + law[k, 1] * v + law[k, 2] * a + law[k, 3]
+                    + law[k, 4] * w1 + law[k, 5] * w2 + law[k, 6] * w3
+                )  # fmt: skip
+        moved[i, 6], moved[i, 7] = states[i, 6], states[i, 7]
+    return moved

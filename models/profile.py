@@ -9,6 +9,7 @@ from it, and a moving particle keeps its size relative to it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 from numba import njit
@@ -45,22 +46,12 @@ class RowProfile:
         stationary law is that of newborn particles: a lump keeps its relative size for a while, and no
         particle drifts off to a size that no lump has.
         """
-        old_mean, _ = self.at(before[:, Y])
-        new_mean, new_spread = self.at(after[:, Y])
-        keep = np.exp(-dt / SIZE_MEMORY_S)
-        deviation = keep * (np.log(np.maximum(before[:, W : H + 1], 1e-3)) - old_mean[:, 2:])
-        deviation += np.sqrt(1.0 - keep**2) * new_spread[:, 2:] * rng.standard_normal(deviation.shape)
-        limit = SIZE_LIMIT * new_spread[:, 2:]
-        after[:, W : H + 1] = np.exp(new_mean[:, 2:] + np.clip(deviation, -limit, limit))
+        keep = exp(-dt / SIZE_MEMORY_S)
+        _follow(before, after, keep, self.first_row, self.row_step, self.mean, self.spread, rng)
 
     def draw(self, rows: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
         """Velocity x, y, width and height (n, 4) of newborn objects at the rows (n,)."""
-        mean, spread = self.at(rows)
-        deviation = rng.standard_normal(mean.shape)
-        deviation[:, 2:] = np.clip(deviation[:, 2:], -SIZE_LIMIT, SIZE_LIMIT)
-        values = mean + spread * deviation
-        values[:, 2:] = np.exp(values[:, 2:])
-        return values
+        return _draw(rows, self.first_row, self.row_step, self.mean, self.spread, rng)
 
     def scaled(self, factor: float) -> RowProfile:
         """The profile for a picture scaled by `factor`."""
@@ -108,16 +99,55 @@ def learn_profile(states: States, height: float, least_log_size_spread: float = 
 
 
 @njit(cache=True)
+def _knots(row, first_row, row_step, knots):  # type: ignore[no-untyped-def]
+    """The knots below and above a row, and how far it is from the first to the second."""
+    position = min(max((row - first_row) / row_step, 0.0), knots - 1.0)
+    low = min(int(position), max(knots - 2, 0))
+    return low, min(low + 1, knots - 1), position - low
+
+
+@njit(cache=True)
 def _interpolate(rows, first_row, row_step, mean, spread):  # type: ignore[no-untyped-def]
     knots, quantities = mean.shape
     means = np.empty((len(rows), quantities))
     spreads = np.empty((len(rows), quantities))
     for i in range(len(rows)):
-        position = min(max((rows[i] - first_row) / row_step, 0.0), knots - 1.0)
-        low = min(int(position), max(knots - 2, 0))
-        high = min(low + 1, knots - 1)
-        part = position - low
+        low, high, part = _knots(rows[i], first_row, row_step, knots)
         for k in range(quantities):
             means[i, k] = mean[low, k] * (1.0 - part) + mean[high, k] * part
             spreads[i, k] = spread[low, k] * (1.0 - part) + spread[high, k] * part
     return means, spreads
+
+
+@njit(cache=True)
+def _follow(before, after, keep, first_row, row_step, mean, spread, rng):  # type: ignore[no-untyped-def]
+    knots = len(mean)
+    noise = np.sqrt(1.0 - keep * keep)
+    for i in range(len(before)):
+        low, high, part = _knots(before[i, Y], first_row, row_step, knots)
+        new_low, new_high, new_part = _knots(after[i, Y], first_row, row_step, knots)
+        for k in range(2, 4):
+            expected = mean[low, k] * (1.0 - part) + mean[high, k] * part
+            new_expected = mean[new_low, k] * (1.0 - new_part) + mean[new_high, k] * new_part
+            new_spread = spread[new_low, k] * (1.0 - new_part) + spread[new_high, k] * new_part
+            deviation = keep * (np.log(max(before[i, W - 2 + k], 1e-3)) - expected)
+            deviation += noise * new_spread * rng.standard_normal()
+            limit = SIZE_LIMIT * new_spread
+            after[i, W - 2 + k] = np.exp(new_expected + min(max(deviation, -limit), limit))
+
+
+@njit(cache=True)
+def _draw(rows, first_row, row_step, mean, spread, rng):  # type: ignore[no-untyped-def]
+    knots = len(mean)
+    values = np.empty((len(rows), 4))
+    for i in range(len(rows)):
+        low, high, part = _knots(rows[i], first_row, row_step, knots)
+        for k in range(4):
+            deviation = rng.standard_normal()
+            if k >= 2:
+                deviation = min(max(deviation, -SIZE_LIMIT), SIZE_LIMIT)
+            values[i, k] = mean[low, k] * (1.0 - part) + mean[high, k] * part
+            values[i, k] += deviation * (spread[low, k] * (1.0 - part) + spread[high, k] * part)
+            if k >= 2:
+                values[i, k] = np.exp(values[i, k])
+    return values

@@ -8,6 +8,7 @@ resonates with weights that repeat at a regular distance, so particles should no
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Weights = NDArray[np.float64]
@@ -24,14 +25,27 @@ def systematic(weights: Weights, n: int, rng: np.random.Generator) -> Indices:
     total = float(cumulative[-1])
     if not np.isfinite(total) or total <= 0.0:
         raise ValueError("weights must have a positive, finite sum")
-    comb = (np.arange(n) + rng.random()) * (total / n)
-    indices = np.searchsorted(cumulative, comb, side="right")
-    # The comb's last tooth can pass the sum by rounding; it belongs to the last particle with weight.
-    last = int(np.flatnonzero(weights)[-1])
-    return np.minimum(indices, last).astype(np.intp, copy=False)
+    return _comb(cumulative, n, rng.random(), total / n)
 
 
 def effective_size(weights: Weights) -> float:
     """Effective number of particles, (sum w)^2 / sum w^2 (Kong 1992)."""
     square = float(np.dot(weights, weights))
     return float(weights.sum()) ** 2 / square if square > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _comb(cumulative, n, first, distance):  # type: ignore[no-untyped-def]
+    """The particle under each of `n` teeth, which stand `distance` apart."""
+    indices = np.empty(n, np.intp)
+    # The comb's last tooth can pass the sum by rounding; it belongs to the last particle with weight.
+    last = len(cumulative) - 1
+    while last > 0 and cumulative[last - 1] == cumulative[last]:
+        last -= 1
+    i = 0
+    for tooth in range(n):
+        place = (tooth + first) * distance
+        while i < last and cumulative[i] <= place:
+            i += 1
+        indices[tooth] = i
+    return indices

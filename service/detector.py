@@ -85,8 +85,10 @@ class RoiDetector:
 
     def use(self, learned: Learned | None) -> None:
         """Take another prior; the belief goes on. Raises PriorMismatchError."""
-        self._filter = make_filter(self._config, self.roi, learned)
-        self._likelihood = make_likelihood(self._config, learned)
+        # Both are made before either is used: a prior that is refused changes nothing.
+        new_filter = make_filter(self._config, self.roi, learned)
+        new_likelihood = make_likelihood(self._config, learned)
+        self._filter, self._likelihood = new_filter, new_likelihood
 
     @property
     def belief(self) -> Belief:

@@ -36,7 +36,7 @@ class Box:
 def read_labels(path: Path) -> tuple[Box, ...]:
     """All boxes, ordered by track and frame. Raises LabelError."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise LabelError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:

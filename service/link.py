@@ -68,12 +68,12 @@ class WorkerLink:
         """Send the last report; called when the main loop has ended."""
         self.stop.set()
         self._reporter.join(timeout=1.0)
+        self._send()
 
     def _report(self) -> None:
         while not self.stop.is_set():
             self._send()
             self.stop.wait(REPORT_EVERY_S)
-        self._send()
 
     def _send(self) -> None:
         text = generate_latest(self._registry).decode()

@@ -29,7 +29,9 @@ class BlindReason(StrEnum):
 class Record(BaseModel):
     """Base of all messages: unknown keys are ignored by readers, so that v1 can grow."""
 
-    model_config = ConfigDict(frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        frozen=True, use_attribute_docstrings=True, json_schema_serialization_defaults_required=True
+    )
 
     def line(self) -> bytes:
         """One line of JSON."""

@@ -16,6 +16,7 @@ from models.state import H, W, X, Y
 from service.config import CameraConfig
 from service.detector import RoiDetector
 from service.encode import VideoWriter
+from service.errors import LumpwatchError
 from service.frames import Frame
 from service.messages import Decision
 from service.pipeline import CameraPipeline, RoiResult
@@ -40,11 +41,18 @@ class OverlayVideo:
         self._first: tuple[float, Image] | None = None
 
     def __enter__(self) -> Self:
+        """Raises LumpwatchError at once where the file cannot be written."""
+        try:
+            self._path.open("wb").close()
+        except OSError as error:
+            raise LumpwatchError(f"{self._path}: cannot be written ({error.strerror})") from error
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if self._writer is None and self._first is not None:
+            self._open(fps=10.0)  # a clip of one picture
         self._stack.close()
 
     def write(self, frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline) -> None:
@@ -56,11 +64,16 @@ class OverlayVideo:
         elif self._first is None:
             self._first = (frame.capture_s, picture)
         else:
-            fps = 1.0 / max(frame.capture_s - self._first[0], 1e-3)
-            height, width = picture.shape[:2]
-            self._writer = self._stack.enter_context(VideoWriter(self._path, width, height, fps))
-            self._writer.write(self._first[1])
-            self._writer.write(picture)
+            self._open(1.0 / max(frame.capture_s - self._first[0], 1e-3)).write(picture)
+
+    def _open(self, fps: float) -> VideoWriter:
+        """Start the file with the picture that waited for the frame rate."""
+        assert self._first is not None
+        height, width = self._first[1].shape[:2]
+        writer = VideoWriter(self._path, width, height, fps)
+        self._writer = self._stack.enter_context(writer)
+        self._writer.write(self._first[1])
+        return self._writer
 
 
 def draw(

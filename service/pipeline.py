@@ -151,23 +151,26 @@ class CameraPipeline:
         self._observer.prior_refused(roi.config.id, "unfit")
 
     def _fit(self, frame: Frame) -> None:
-        """Make the detectors for pictures of this size."""
-        for roi in self._rois.values():
-            config = roi.config.detector
+        """Make the detectors for pictures of this size; where one cannot be made, all stay as they were."""
+        size = (frame.width, frame.height)
+        made = {roi_id: self._make_detector(roi, *size) for roi_id, roi in self._rois.items()}
+        for roi_id, (detector, prior) in made.items():
+            self._rois[roi_id].detector, self._rois[roi_id].prior = detector, prior
+        self._size = size
+
+    def _make_detector(self, roi: _Roi, width: int, height: int) -> tuple[RoiDetector, Prior | None]:
+        config = roi.config.detector
+        try:
+            geometry = make_roi(roi.config.polygon, width, height, config.working_size_px)
+        except ValueError as error:
+            raise LumpwatchError(f"camera {self._config.id}, roi {roi.config.id}: {error}") from error
+        if roi.prior is not None:
             try:
-                geometry = make_roi(roi.config.polygon, frame.width, frame.height, config.working_size_px)
-            except ValueError as error:
-                raise LumpwatchError(f"camera {self._config.id}, roi {roi.config.id}: {error}") from error
-            if roi.prior is not None:
-                try:
-                    roi.prior.check_fits(roi.config, frame.width, frame.height)
-                    roi.detector = RoiDetector(config, geometry, roi.prior.learned)
-                    continue
-                except LumpwatchError as error:
-                    self._refuse(roi, error)
-                    roi.prior = None
-            roi.detector = RoiDetector(config, geometry, None)
-        self._size = (frame.width, frame.height)
+                roi.prior.check_fits(roi.config, width, height)
+                return RoiDetector(config, geometry, roi.prior.learned), roi.prior
+            except LumpwatchError as error:
+                self._refuse(roi, error)
+        return RoiDetector(config, geometry, None), None
 
     def _process_roi(self, roi: _Roi, frame: Frame, dt: float, now_s: float) -> RoiResult:
         assert roi.detector is not None

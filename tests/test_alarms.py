@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.alarms import Alarm, AlarmState, Change, Transition, acknowledge, step
@@ -215,12 +215,14 @@ def conditions(config: AlarmConfig, events: list[Event]) -> list[tuple[Change, f
     return changes
 
 
+@settings(deadline=None)
 @given(CONFIGS, histories())
 def test_raised_and_cleared_as_the_history_says(config: AlarmConfig, events: list[Event]) -> None:
     made = [(c.change, c.time_s) for c in play(config, events) if c.change is not Change.ACKNOWLEDGED]
     assert made == conditions(config, events)
 
 
+@settings(deadline=None)
 @given(CONFIGS, histories())
 def test_transitions_follow_from_one_another(config: AlarmConfig, events: list[Event]) -> None:
     made = play(config, events)
@@ -238,6 +240,7 @@ def test_transitions_follow_from_one_another(config: AlarmConfig, events: list[E
     )
 
 
+@settings(deadline=None)
 @given(CONFIGS, histories())
 def test_never_raised_without_existence(config: AlarmConfig, events: list[Event]) -> None:
     low = [
@@ -246,6 +249,7 @@ def test_never_raised_without_existence(config: AlarmConfig, events: list[Event]
     assert play(config, low) == []
 
 
+@settings(deadline=None)
 @given(CONFIGS, histories())
 def test_the_same_sequence_gives_the_same_transitions(config: AlarmConfig, events: list[Event]) -> None:
     assert play(config, events) == play(config, list(events))

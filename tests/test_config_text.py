@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.config import SiteConfig, load, parse, schema
@@ -30,7 +30,7 @@ from tests.test_config import EXAMPLE, refused
         ("%YAML 9.9\n---\nsite: a\n", "incompatible"),
         ("site: *nowhere\n", "alias"),
         ("site: 2020-99-99\n", "not valid YAML"),
-        ("[" * 5000, "not valid YAML"),
+        ("[" * 5000, "line 1"),
         ("site: " + "9" * 5000, "not valid YAML"),
     ],
 )
@@ -38,9 +38,6 @@ def test_text_that_is_no_configuration(text: str, reason: str) -> None:
     assert reason in refused(text)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="parse: not every exception of the YAML reader is expected", raises=Exception
-)
 @pytest.mark.parametrize(
     "text",
     [
@@ -55,7 +52,6 @@ def test_text_that_the_yaml_reader_trips_over(text: str) -> None:
     refused(text)
 
 
-@pytest.mark.xfail(strict=True, reason="_substitute unfolds aliases: ten thousand lists from one line")
 def test_aliases_do_not_multiply() -> None:
     """Four strings, and six levels of four references to the level before."""
     levels = ["a0: &a0 ['${N}', '${N}', '${N}', '${N}']"]
@@ -130,6 +126,7 @@ def _accept_or_refuse(text: str) -> None:
         assert len(told.splitlines()) == 1
 
 
+@settings(deadline=None)
 @given(st.data())
 def test_any_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> None:
     tree = site_tree()
@@ -144,6 +141,7 @@ def test_any_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> None:
     _accept_or_refuse(json.dumps(tree).replace("NaN", ".nan").replace("Infinity", ".inf"))
 
 
+@settings(deadline=None)
 @given(st.data())
 def test_damaged_text_is_accepted_or_refused(data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(EXAMPLE)))
@@ -152,6 +150,7 @@ def test_damaged_text_is_accepted_or_refused(data: st.DataObject) -> None:
     _accept_or_refuse(EXAMPLE[:start] + put + EXAMPLE[end:])
 
 
+@settings(deadline=None)
 @given(st.text(max_size=200))
 def test_random_text_is_accepted_or_refused(text: str) -> None:
     _accept_or_refuse(text)

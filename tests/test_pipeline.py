@@ -282,9 +282,6 @@ def test_a_roi_that_is_too_small_is_named() -> None:
     assert target.look(0.1)[0].reason is BlindReason.STARTING
 
 
-@pytest.mark.xfail(
-    strict=True, reason="_fit leaves detectors of the refused size behind and keeps the old _size"
-)
 def test_a_refused_size_leaves_no_trace() -> None:
     tree = site_tree()
     small = [[0.1, 0.1], [0.3, 0.1], [0.3, 0.4], [0.1, 0.4]]
@@ -358,10 +355,7 @@ def test_a_prior_may_come_before_the_first_frame() -> None:
             prior(
                 replace(learned(likelihood=lump_fit()), velocity_noise=np.array([50.0])),
                 version=9,
-            ),
-            marks=pytest.mark.xfail(
-                strict=True, reason="RoiDetector.use takes the new filter before the likelihood is refused"
-            ),
+            )
         ),
     ],
     ids=["polygon", "shape", "models", "likelihood"],

@@ -150,7 +150,6 @@ def test_a_foreign_file_in_the_folder_does_no_harm(tmp_path: Path) -> None:
     assert store.save(prior(source="b")).version == 2
 
 
-@pytest.mark.xfail(strict=True, raises=ValueError, reason="versions(): isdigit accepts what int does not")
 def test_a_foreign_file_with_an_odd_digit_does_no_harm(tmp_path: Path) -> None:
     store = stored(tmp_path, "a")
     (store.folder("cam", "apron") / "².prior").write_bytes(b"x")

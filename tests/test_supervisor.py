@@ -83,7 +83,6 @@ def test_a_worker_runs_reports_and_stops(started: list[Site]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="the reporter sends its last report when stop is set, not in close()")
 def test_what_a_worker_says_last_is_heard(started: list[Site]) -> None:
     site = Site(workers.good)
     started.append(site)

@@ -54,3 +54,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of a pipe has gone (`lumpwatch alarms | head`): keep the interpreter from complaining.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        sys.stderr.write(f"lumpwatch: {error.filename or 'output'}: {error.strerror or error}\n")
+        return 1

@@ -14,7 +14,7 @@ from service.bus.session import open_client
 from service.cli.common import Commands, add_command, stop_on_signals
 from service.config import load
 from service.config.bus import BusConfig
-from service.errors import LumpwatchError
+from service.errors import ConfigError, LumpwatchError
 from service.messages import AlarmEvent, StateMessage
 
 
@@ -44,6 +44,8 @@ def as_client(bus: BusConfig) -> BusConfig:
 
 def alarms(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.ack and ("/" not in arguments.ack or not arguments.actor):
+        raise ConfigError("--ack takes CAMERA/ROI and needs --actor NAME")
     config = load(arguments.config)
     keys = Keys(config.site)
     stop = stop_on_signals()
@@ -77,9 +79,7 @@ def alarms(arguments: argparse.Namespace) -> int:
 
 
 def _acknowledge(ask, keys: Keys, target: str, actor: str) -> int:  # type: ignore[no-untyped-def]
-    camera, slash, roi = target.partition("/")
-    if not slash or not actor:
-        raise LumpwatchError("--ack takes CAMERA/ROI and needs --actor NAME")
+    camera, _, roi = target.partition("/")
     replies = ask(keys.ack(camera, roi), {"actor": actor})
     if not replies:
         raise LumpwatchError(f"nobody answers for {target}: is the daemon running and the name right?")

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from service.cli.common import Commands, add_command, camera_of, roi_of
 from service.config import load
-from service.errors import LumpwatchError
+from service.errors import ConfigError, LumpwatchError
 from service.store import atomic
 from service.store.prior import PriorError, encode
 from service.store.priors import PriorStore, check_owner, read_file
@@ -45,12 +45,12 @@ def priors(arguments: argparse.Namespace) -> int:
         return _list(store, camera.id, roi.id)
     if arguments.action == "rollback":
         if arguments.version is None:
-            raise LumpwatchError("priors rollback needs --version N")
+            raise ConfigError("priors rollback needs --version N")
         prior = store.use(camera.id, roi.id, arguments.version)
         print(f"{camera.id}/{roi.id}: version {prior.version} is in use")  # noqa: T201
         return 0
     if arguments.file is None:
-        raise LumpwatchError(f"priors {arguments.action} needs a FILE")
+        raise ConfigError(f"priors {arguments.action} needs a FILE")
     if arguments.action == "import":
         prior = read_file(arguments.file)
         check_owner(prior, camera.id, roi.id, str(arguments.file))

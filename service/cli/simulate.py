@@ -35,6 +35,8 @@ def simulate(arguments: argparse.Namespace) -> int:
         if arguments.seed < 0:
             raise ConfigError(f"--seed {arguments.seed}: must not be negative")
         spec = spec.model_copy(update={"seed": arguments.seed})
+    if not 0 < arguments.seconds < 1e6:
+        raise ConfigError(f"--seconds {arguments.seconds:g}: must be positive and at most a million")
     frames = round(arguments.seconds * spec.fps)
     try:
         with progress("rendering", frames) as advance:

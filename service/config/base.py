@@ -19,4 +19,10 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 class Strict(BaseModel):
     """A model that refuses unknown keys and cannot be changed once made."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+        hide_input_in_errors=True,
+    )

@@ -19,10 +19,25 @@ def _cross(o: Point, a: Point, b: Point) -> float:
     return (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
 
 
-def _segments_cross(p1: Point, p2: Point, q1: Point, q2: Point) -> bool:
+def _goes_back(a: Point, b: Point, c: Point) -> bool:
+    """Whether the way a -> b -> c turns round on the same line."""
+    forward = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1])
+    return _cross(a, b, c) == 0.0 and forward < 0.0
+
+
+def _on(a: Point, b: Point, p: Point) -> bool:
+    """Whether p, which lies on the line through a and b, lies between them."""
+    return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
+
+
+def _segments_meet(p1: Point, p2: Point, q1: Point, q2: Point) -> bool:
+    """Whether two edges cross or touch."""
     d1, d2 = _cross(q1, q2, p1), _cross(q1, q2, p2)
     d3, d4 = _cross(p1, p2, q1), _cross(p1, p2, q2)
-    return ((d1 > 0) != (d2 > 0)) and ((d3 > 0) != (d4 > 0)) and 0.0 not in (d1, d2, d3, d4)
+    if d1 * d2 < 0 and d3 * d4 < 0:
+        return True
+    touching = ((d1, q1, q2, p1), (d2, q1, q2, p2), (d3, p1, p2, q1), (d4, p1, p2, q2))
+    return any(d == 0.0 and _on(a, b, p) for d, a, b, p in touching)
 
 
 def polygon_area(polygon: tuple[Point, ...]) -> float:
@@ -48,12 +63,16 @@ class RoiConfig(Strict):
     def _simple(cls, polygon: tuple[Point, ...]) -> tuple[Point, ...]:
         n = len(polygon)
         for i in range(n):
-            if polygon[i] == polygon[(i + 1) % n]:
-                raise ValueError(f"corners {i + 1} and {(i + 1) % n + 1} are the same point")
+            for j in range(i + 1, n):
+                if polygon[i] == polygon[j]:
+                    raise ValueError(f"corners {i + 1} and {j + 1} are the same point")
+            after = polygon[(i + 1) % n], polygon[(i + 2) % n]
+            if _goes_back(polygon[i], *after):
+                raise ValueError(f"the polygon goes back on itself at corner {(i + 1) % n + 1}")
             for j in range(i + 2, n):
                 if (j + 1) % n == i:
                     continue
-                if _segments_cross(polygon[i], polygon[i + 1], polygon[j], polygon[(j + 1) % n]):
+                if _segments_meet(polygon[i], polygon[i + 1], polygon[j], polygon[(j + 1) % n]):
                     raise ValueError(f"the polygon crosses itself (edges {i + 1} and {j + 1})")
         if polygon_area(polygon) < 1e-4:
             raise ValueError("the polygon covers less than 0.01 % of the picture")

@@ -59,7 +59,9 @@ def _entry(value: Any) -> Any:
     return value
 
 
-MotionEntry = Annotated[MotionConfig, BeforeValidator(_entry)]
+MotionEntry = Annotated[
+    MotionConfig, BeforeValidator(_entry, json_schema_input_type=MotionKind | MotionConfig)
+]
 LUMP_MODELS = (
     MotionConfig(name="belt", kind="constant_acceleration"),
     MotionConfig(name="fall", kind="constant_acceleration"),

@@ -11,7 +11,9 @@ from typing import Any
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
+from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
+from ruamel.yaml.events import AliasEvent
 
 from service.config.site import SiteConfig
 from service.errors import ConfigError
@@ -43,19 +45,18 @@ def load(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
 
 def parse(text: str, name: str = "config", environ: Mapping[str, str] = os.environ) -> SiteConfig:
     """Check the configuration in `text`; `name` stands for the file in error messages."""
+    secrets: list[str] = []
     try:
-        tree = YAML(typ="safe", pure=True).load(text)
-    except YAMLError as error:
-        raise ConfigError(f"{name}: {_yaml_problem(error)}") from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{name}: is not valid YAML ({type(error).__name__})") from error
-    if not isinstance(tree, dict):
-        raise ConfigError(f"{name}: expected a mapping with the keys site and cameras")
-    tree = _substitute(tree, name, "", environ)
-    try:
+        tree = _substitute(_read_yaml(text), "", environ, secrets)
         return SiteConfig.model_validate(tree)
     except ValidationError as error:
-        raise ConfigError(f"{name}: {_first_problem(error)}") from error
+        problem = _first_problem(error)
+    except ConfigError as error:
+        problem = str(error)
+    for secret in sorted(secrets, key=len, reverse=True):
+        problem = problem.replace(secret, "***")
+    # Not chained: the causes carry the configuration, and with it what is secret in it.
+    raise ConfigError(f"{name}: {' '.join(problem.split())}") from None
 
 
 def schema() -> str:
@@ -63,38 +64,65 @@ def schema() -> str:
     return json.dumps(SiteConfig.model_json_schema(), indent=2, sort_keys=True)
 
 
-def _yaml_problem(error: YAMLError) -> str:
+def _read_yaml(text: str) -> dict[Any, Any]:
+    """The tree in the text; aliases are refused, since a few of them can stand for gigabytes."""
+    try:
+        events = YAML(typ="safe", pure=True).parse(text)
+        alias = next((event for event in events if isinstance(event, AliasEvent)), None)
+        tree = YAML(typ="safe", pure=True).load(text) if alias is None else None
+    except DuplicateKeyError as error:
+        # The parser's own words hold the values as well, which may be secret.
+        key = re.match(r'found duplicate key "([^"]*)"', str(error.problem))
+        named = f'duplicate key "{key.group(1)[:60]}"' if key else "a key is given twice"
+        raise ConfigError(f"{_place(error)}{named}") from None
+    except YAMLError as error:
+        raise ConfigError(
+            f"{_place(error)}{getattr(error, 'problem', None) or 'is not valid YAML'}"
+        ) from None
+    except Exception as error:
+        raise ConfigError(f"is not valid YAML ({type(error).__name__})") from None
+    if alias is not None:
+        raise ConfigError(f"line {alias.start_mark.line + 1}: YAML aliases are not supported")
+    if not isinstance(tree, dict):
+        raise ConfigError("expected a mapping with the keys site and cameras")
+    return tree
+
+
+def _place(error: YAMLError) -> str:
     mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or "is not valid YAML"
-    where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-    return " ".join(f"{where}{problem}".split())
+    return f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
 
 
-def _substitute(node: Any, name: str, where: str, environ: Mapping[str, str]) -> Any:
+def _substitute(node: Any, where: str, environ: Mapping[str, str], secrets: list[str]) -> Any:
     """Replace `${VAR}` by the environment, or by the content of the file that `VAR_FILE` names."""
     if isinstance(node, dict):
         return {
-            k: _substitute(v, name, f"{where}.{k}" if where else str(k), environ) for k, v in node.items()
+            key: _substitute(value, f"{where}.{key}" if where else str(key), environ, secrets)
+            for key, value in node.items()
         }
     if isinstance(node, list):
-        return [_substitute(v, name, f"{where}[{i}]", environ) for i, v in enumerate(node)]
+        return [_substitute(value, f"{where}[{i}]", environ, secrets) for i, value in enumerate(node)]
     if not isinstance(node, str):
         return node
 
     def value(match: re.Match[str]) -> str:
-        key = match.group(1)
-        if key in environ:
-            return environ[key]
-        if (file := environ.get(f"{key}_FILE")) is not None:
-            try:
-                return Path(file).read_text(encoding="utf-8").rstrip("\r\n")
-            except (OSError, UnicodeDecodeError) as error:
-                raise ConfigError(
-                    f"{name}: {where}: the file that {key}_FILE names cannot be read"
-                ) from error
-        raise ConfigError(f"{name}: {where}: environment variable {key} is not set (nor {key}_FILE)")
+        found = _variable(match.group(1), where, environ)
+        if found:
+            secrets.append(found)
+        return found
 
     return _VARIABLE.sub(value, node)
+
+
+def _variable(key: str, where: str, environ: Mapping[str, str]) -> str:
+    if key in environ:
+        return environ[key]
+    if (file := environ.get(f"{key}_FILE")) is not None:
+        try:
+            return Path(file).read_text(encoding="utf-8").rstrip("\r\n")
+        except (OSError, UnicodeDecodeError):
+            raise ConfigError(f"{where}: the file that {key}_FILE names cannot be read") from None
+    raise ConfigError(f"{where}: environment variable {key} is not set (nor {key}_FILE)")
 
 
 def _first_problem(error: ValidationError) -> str:
@@ -118,9 +146,15 @@ def _first_problem(error: ValidationError) -> str:
     elif kind == "value_error":
         message = message.removeprefix("Value error, ")
     else:
-        found = first.get("input")
-        message = message[:1].lower() + message[1:]
-        if isinstance(found, str | int | float) and "url" not in where:
-            message += f", found {found!r}"
+        message = message[:1].lower() + message[1:] + _found(first.get("input"))
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{where or 'configuration'}: {' '.join(message.split())}{more}"
+    return f"{where or 'configuration'}: {message}{more}"
+
+
+def _found(value: Any) -> str:
+    """What was there instead, where it is short and cannot be an address with a password."""
+    if isinstance(value, bool | float) or (isinstance(value, int) and abs(value) < 10**18):
+        return f", found {value!r}"
+    if isinstance(value, str) and len(value) <= 40 and not set(value) & set("@/?"):
+        return f", found {value!r}"
+    return ""

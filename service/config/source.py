@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Literal, Self
 from urllib.parse import urlsplit
@@ -82,6 +83,8 @@ class SourceConfig(Strict):
         scheme = url.partition(":")[0].lower()
         if "://" in url and scheme not in ("rtsp", "rtsps", "file"):
             raise ValueError(f"url scheme '{scheme}' is not supported (rtsp, rtsps, file, sim: or a path)")
+        if "://" not in url and re.match(r"[^/]*:[^/]*@", url):
+            raise ValueError("url looks like an address without its scheme (rtsp://…)")
         if scheme in ("rtsp", "rtsps"):
             try:
                 host = urlsplit(url).hostname

@@ -39,6 +39,7 @@ def _temporary(path: Path, content: bytes) -> Path:
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
+            os.fchmod(handle, 0o644)  # what one user trains, a daemon under another must read
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

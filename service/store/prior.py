@@ -12,17 +12,18 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import zipfile
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from models.density import GridDensity
+from models.density import COMPONENTS, GridDensity
 from models.learning.learned import HistogramFit, Learned, LumpFit
+from models.likelihood.histogram import BINS
+from models.likelihood.lump import FEATURES
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
 from service.errors import LumpwatchError
@@ -134,7 +135,8 @@ def decode(content: bytes, name: str) -> Prior:
         learned = _learned(meta, arrays)
         known = {key: meta[key] for key in PriorMeta.model_fields}
         prior = Prior(PriorMeta.model_validate(known), learned)
-    except (KeyError, TypeError, ValueError, IndexError, zipfile.BadZipFile, ValidationError) as error:
+    except Exception as error:
+        # The checksum holds, so this is another program's file: whatever is wrong, it is not a prior.
         raise PriorError(
             f"{name}: the prior's content is not as expected ({type(error).__name__})"
         ) from error
@@ -174,17 +176,30 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         fit = LumpFit(arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"], float(line[0]))
     else:
         fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
-    shapes = {
+    knots, axes = len(arrays["profile_mean"]), len(density.components)
+    shapes: dict[str, tuple[int, ...]] = {
+        "profile_rows": (2,),
+        "profile_mean": (knots, 4),
+        "profile_spread": (knots, 4),
+        "density_origin": (axes,),
+        "density_step": (axes,),
         "rates": (m, 2),
         "velocity_noise": (m,),
         "joint": (m, m),
         "births": (m,),
         "label_counts": (m,),
     }
+    if isinstance(fit, LumpFit):
+        n = len(FEATURES)
+        shapes |= {"fit_mean": (n,), "fit_scale": (n,), "fit_weights": (2 * n,), "fit_line": (1,)}
+    else:
+        shapes |= {"fit_reference": (BINS,), "fit_line": (2,)}
     for key, shape in shapes.items():
         if arrays[key].shape != shape:
             raise ValueError(f"{key} has shape {arrays[key].shape}")
-    if density.values.shape[0] != m or density.values.ndim != 1 + len(density.components):
+    if density.components not in COMPONENTS.values() or knots < 1:
+        raise ValueError("unknown components or an empty profile")
+    if density.values.shape[0] != m or density.values.ndim != 1 + axes or min(density.values.shape[1:]) < 2:
         raise ValueError("density does not fit the models")
     if not all(np.isfinite(array).all() for array in arrays.values()):
         raise ValueError("not finite")

@@ -63,7 +63,7 @@ class PriorStore:
             return ()
         except OSError as error:
             raise StoreError(f"{folder}: cannot be read ({error.strerror})") from error
-        return tuple(sorted(int(name) for name in names if name.isdigit()))
+        return tuple(sorted(int(name) for name in names if name.isascii() and name.isdecimal()))
 
     def path(self, camera: str, roi: str, version: int) -> Path:
         """File of a version."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -44,11 +45,10 @@ class TelemetryServer:
         Handler.registry = registry
         Handler.health = health
         try:
-            self._server = ThreadingHTTPServer(address, Handler)
+            self._server = _server_class(address[0])(address, Handler)
         except OSError as error:
             where = f"{address[0]}:{address[1]}"
             raise TelemetryError(f"telemetry.listen {where}: cannot be served ({error.strerror})") from error
-        self._server.daemon_threads = True
         self._thread = threading.Thread(target=self._server.serve_forever, name="telemetry", daemon=True)
 
     @property
@@ -67,6 +67,14 @@ class TelemetryServer:
         self._server.shutdown()
         self._server.server_close()
         self._thread.join(timeout=2)
+
+
+def _server_class(host: str) -> type[ThreadingHTTPServer]:
+    class Server(ThreadingHTTPServer):
+        address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        daemon_threads = True
+
+    return Server
 
 
 class _Handler(BaseHTTPRequestHandler):

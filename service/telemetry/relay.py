@@ -49,6 +49,8 @@ class Relay(Collector):
         present: dict[_Key, float] = {}
         for text in texts:
             for family in text_string_to_metric_families(text):
+                if family.name.endswith("_created"):
+                    continue
                 families.setdefault(family.name, Metric(family.name, family.documentation, family.type))
                 for key, value in _samples(family):
                     present[key] = present.get(key, 0.0) + value

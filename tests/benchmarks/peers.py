@@ -1,0 +1,172 @@
+"""Our full step against the particle filters of Stone Soup (a benchmark-only dependency).
+
+Both sides have the same number of particles, of which three tenths are newborn at each step, and
+the same number of constant velocity models in two dimensions. The measurement is where they
+differ: ours is a whole picture, from which each particle's likelihood is computed (integral images
+included); theirs is one position a frame that is handed over ready, and a Gaussian of it for each
+particle. So the comparison leaves out what it would cost them to find that position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from tests.benchmarks.scene import HEIGHT, INTERVAL_S, KINDS, WIDTH, make_run
+from tests.benchmarks.timing import alternate
+
+PARTICLES = (1000, 5000)
+MODELS = 3
+BORN_SHARE = 0.3
+NOISE_PX = 3.0
+VELOCITY_NOISE = 30.0
+
+
+def stone_soup_version() -> str | None:
+    """The installed version; None where it cannot be imported."""
+    try:
+        import stonesoup  # noqa: F401
+
+        return version("stonesoup")
+    except (ImportError, PackageNotFoundError):
+        return None
+
+
+def _detections() -> Callable[[datetime], set]:  # type: ignore[type-arg]
+    """One detection a frame: an object that moves in a circle, measured with noise."""
+    from stonesoup.models.measurement.linear import LinearGaussian
+    from stonesoup.types.detection import Detection
+
+    rng = np.random.default_rng(0)
+    model = LinearGaussian(4, (0, 2), np.eye(2) * NOISE_PX**2)
+    frames = iter(range(10**9))
+
+    def detect(at: datetime) -> set:  # type: ignore[type-arg]
+        angle = 0.05 * next(frames)
+        place = np.array([WIDTH / 2 + 60 * np.cos(angle), HEIGHT / 2 + 60 * np.sin(angle)])
+        return {Detection((place + NOISE_PX * rng.standard_normal(2))[:, None], at, measurement_model=model)}
+
+    return detect
+
+
+def _transition(noise: float):  # type: ignore[no-untyped-def]
+    from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
+
+    return CombinedLinearGaussianTransitionModel([ConstantVelocity(noise**2), ConstantVelocity(noise**2)])
+
+
+def bernoulli(particles: int) -> Callable[[], None]:
+    """One predict and update of Stone Soup's Bernoulli particle filter (Ristic et al. 2013)."""
+    from stonesoup.predictor.particle import BernoulliParticlePredictor
+    from stonesoup.resampler.particle import SystematicResampler
+    from stonesoup.sampler.detection import GaussianDetectionParticleSampler, SwitchingDetectionSampler
+    from stonesoup.sampler.particle import ParticleSampler
+    from stonesoup.types.array import StateVectors
+    from stonesoup.types.hypothesis import SingleHypothesis
+    from stonesoup.types.multihypothesis import MultipleHypothesis
+    from stonesoup.types.state import BernoulliParticleState
+    from stonesoup.updater.particle import BernoulliParticleUpdater
+
+    born = round(BORN_SHARE * particles)
+    kept = particles - born
+    rng = np.random.default_rng(1)
+    low, high = np.array([0.0, -60.0, 0.0, -60.0]), np.array([WIDTH, 60.0, HEIGHT, 60.0])
+    anywhere = ParticleSampler(
+        distribution_func=rng.uniform, params={"low": low, "high": high, "size": (born, 4)}, ndim_state=4
+    )
+    at_detections = GaussianDetectionParticleSampler(nsamples=born)
+    predictor = BernoulliParticlePredictor(
+        _transition(VELOCITY_NOISE),
+        birth_probability=0.01,
+        survival_probability=0.99,
+        birth_sampler=SwitchingDetectionSampler(at_detections, backup_sampler=anywhere),
+    )
+    updater = BernoulliParticleUpdater(
+        measurement_model=None,
+        resampler=SystematicResampler(),
+        clutter_rate=1,
+        clutter_distribution=1 / (WIDTH * HEIGHT),
+        detection_probability=0.9,
+        nsurv_particles=kept,
+    )
+    detect, now = _detections(), datetime(2025, 1, 1)
+    state = BernoulliParticleState(
+        state_vector=StateVectors(rng.uniform(low[:, None], high[:, None], (4, kept))),
+        weight=np.full(kept, 1 / kept),
+        existence_probability=0.5,
+        timestamp=now,
+    )
+
+    def step() -> None:
+        nonlocal state, now
+        now += timedelta(seconds=INTERVAL_S)
+        prediction = predictor.predict(state, timestamp=now)
+        hypotheses = [SingleHypothesis(prediction, detection) for detection in detect(now)]
+        state = updater.update(MultipleHypothesis(hypotheses))
+        state.parent = None  # the history would grow from frame to frame
+
+    return step
+
+
+def multi_model(particles: int, models: int) -> Callable[[], None]:
+    """One predict and update of Stone Soup's multi-model particle filter; it knows no existence."""
+    from stonesoup.predictor.particle import MultiModelPredictor
+    from stonesoup.resampler.particle import SystematicResampler
+    from stonesoup.types.array import StateVectors
+    from stonesoup.types.hypothesis import SingleHypothesis
+    from stonesoup.types.state import MultiModelParticleState
+    from stonesoup.updater.particle import MultiModelParticleUpdater
+
+    matrix = np.full((models, models), 0.05 / max(models - 1, 1))
+    np.fill_diagonal(matrix, 0.95)
+    predictor = MultiModelPredictor(
+        [_transition(VELOCITY_NOISE * (m + 1)) for m in range(models)], matrix, [[0, 1, 2, 3]] * models
+    )
+    updater = MultiModelParticleUpdater(None, predictor, resampler=SystematicResampler())
+    rng = np.random.default_rng(1)
+    spread = np.array([10.0, 60.0, 10.0, 60.0])[:, None]
+    place = np.array([WIDTH / 2 + 60, 0.0, HEIGHT / 2, 0.0])[:, None]
+    detect, now = _detections(), datetime(2025, 1, 1)
+    state = MultiModelParticleState(
+        state_vector=StateVectors(place + spread * rng.standard_normal((4, particles))),
+        weight=np.full(particles, 1 / particles),
+        dynamic_model=rng.integers(models, size=particles),
+        timestamp=now,
+    )
+
+    def step() -> None:
+        nonlocal state, now
+        now += timedelta(seconds=INTERVAL_S)
+        prediction = predictor.predict(state, timestamp=now)
+        state = updater.update(SingleHypothesis(prediction, next(iter(detect(now)))))
+        state.parent = None
+
+    return step
+
+
+def run() -> list[dict[str, object]]:
+    """A row for each peer, number of particles and likelihood of ours; times in milliseconds."""
+    rows: list[dict[str, object]] = []
+    for particles in PARTICLES:
+        for peer, models, theirs in (
+            ("Bernoulli", 1, bernoulli(particles)),
+            ("multi-model", MODELS, multi_model(particles, MODELS)),
+        ):
+            ours = {kind: make_run(kind, particles, models).step for kind in KINDS}
+            seen = alternate({"theirs": theirs, **ours})
+            rows += [
+                {
+                    "peer": peer,
+                    "particles": particles,
+                    "models": models,
+                    "likelihood": kind,
+                    "theirs_ms": seen.ms("theirs"),
+                    "ours_ms": seen.ms(kind),
+                    "ratio": seen.ratio("theirs", kind),
+                }
+                for kind in KINDS
+            ]
+    return rows
