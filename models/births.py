@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from models.profile import RowProfile
@@ -26,8 +27,7 @@ class PolygonBirths:
     def draw(self, n: int, rng: np.random.Generator) -> tuple[States, Labels]:
         """`n` newborn states and their motion models."""
         states = blank(n)
-        chosen = self.pixels[rng.integers(len(self.pixels), size=n)]
-        states[:, X : Y + 1] = chosen + rng.random((n, 2))
+        _place(states, self.pixels, rng)
         values = self.profile.draw(states[:, Y], rng)
         states[:, VX : VY + 1] = values[:, :2]
         states[:, W : H + 1] = values[:, 2:]
@@ -43,3 +43,12 @@ def polygon_births(
     if len(rows) == 0:
         raise ValueError("the polygon covers no pixel")
     return PolygonBirths(np.column_stack([columns, rows]).astype(np.int32), profile, model_probabilities)
+
+
+@njit(cache=True)
+def _place(states, pixels, rng):  # type: ignore[no-untyped-def]
+    """Put each state anywhere in one of the pixels."""
+    for i in range(len(states)):
+        pixel = pixels[int(rng.random() * len(pixels))]
+        states[i, X] = pixel[0] + rng.random()
+        states[i, Y] = pixel[1] + rng.random()

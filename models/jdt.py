@@ -111,7 +111,7 @@ class JdtFilter:
 
         estimate = _estimate(states, labels, weights, len(self.models))
         kept = systematic(weights, len(old_states), rng)
-        after = Belief(states[kept], labels[kept], np.ones(len(kept), dtype=np.bool_), existence)
+        after = Belief(states.take(kept, axis=0), labels[kept], np.ones(len(kept), dtype=np.bool_), existence)
         return Step(after, estimate, Diagnostics(effective_size(weights), fell_back))
 
     def _step_sampled(
@@ -136,7 +136,7 @@ class JdtFilter:
         alive = weights * exists
         estimate = _estimate(states, labels, alive, len(self.models)) if exists.any() else None
         kept = systematic(weights, len(states), rng)
-        after = Belief(states[kept], labels[kept], exists[kept], float(exists[kept].mean()))
+        after = Belief(states.take(kept, axis=0), labels[kept], exists[kept], float(exists[kept].mean()))
         return Step(after, estimate, Diagnostics(effective_size(alive), fell_back))
 
     def _propagate(

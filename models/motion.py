@@ -25,7 +25,6 @@ from typing import Protocol
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from models.state import Labels, States
 

@@ -1,47 +1,26 @@
-"""Builds a ROI's filter from configuration and prior, and keeps its belief from frame to frame."""
+"""A ROI's filter with what changes from frame to frame."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from models.births import polygon_births
-from models.existence import ExistenceChain
-from models.jdt import JdtFilter, Step
-from models.learning.learned import HistogramFit, Learned, LumpFit
-from models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
-from models.motion import (
-    Bounce,
-    ConstantAcceleration,
-    ConstantPosition,
-    ConstantVelocity,
-    MotionModel,
-    RandomWalk,
-)
-from models.profile import default_profile
+from models.appearance import HistogramAppearance
+from models.jdt import Diagnostics, JdtFilter
+from models.learning.learned import Learned
+from models.likelihood import Observation
+from models.multi import Looks, MultiBelief, MultiJdtFilter
 from models.roi import Image, Roi
-from models.state import Belief, H, W, X, Y
-from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
-from service.config.detector import JdtConfig, LumpConfig, MotionConfig
-from service.default_lump import DEFAULT_LUMP
-from service.errors import ConfigError
+from models.state import Belief, Estimate, H, W, X, Y
+from service.config.detector import JdtConfig
+from service.filters import DEFAULT_INTERVAL_S, make_filter, make_likelihood
 
-# Stated defaults of a filter without a prior; lengths in ROI heights.
-DEFAULT_INTERVAL_S = 1 / 15
-DEFAULT_STAY = 0.97
-DEFAULT_SPEED_H_S = 0.5
-DEFAULT_RATES_H_S2 = (0.03, 3.0)
-DEFAULT_VELOCITY_NOISE_H_S = 0.15
-DEFAULT_FAST_NOISE_H_S = 0.6
-DEFAULT_POSITION_NOISE_H = 0.1
 LONGEST_STEP_S = 2.0
-"""After a longer gap between frames the object may be anywhere: the search starts anew."""
-
-
-class PriorMismatchError(ConfigError):
-    """A prior does not fit the configuration of its ROI."""
+"""After a longer gap between frames the objects may be anywhere: the search starts anew."""
+_SHOWN_ABOVE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,177 +50,153 @@ class Detection:
     fell_back_share: float
 
 
-class RoiDetector:
-    """The filter of one ROI with its belief, random generator and prior."""
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """One object as a filter has it."""
 
-    def __init__(self, config: JdtConfig, roi: Roi, learned: Learned | None) -> None:
-        self.roi = roi
-        self._config = config
-        self._rng = np.random.default_rng(config.seed)
-        self.use(learned)
-        self._belief = self._filter.start(self._rng)
-        self._object_id = 0
-        self._present = False
+    id: int
+    existence: float
+    estimate: Estimate
 
-    def use(self, learned: Learned | None) -> None:
-        """Take another prior; the belief goes on. Raises PriorMismatchError."""
-        # Both are made before either is used: a prior that is refused changes nothing.
-        new_filter = make_filter(self._config, self.roi, learned)
-        new_likelihood = make_likelihood(self._config, learned)
-        self._filter, self._likelihood = new_filter, new_likelihood
+
+class _Engine(Protocol):
+    """A filter with its belief: for one object, or for several."""
 
     @property
-    def belief(self) -> Belief:
-        """Particles and existence after the last step, for overlays and plots."""
-        return self._belief
+    def existence(self) -> float:
+        """P(at least one object exists)."""
 
-    def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
-        """One working picture (h, w), `dt` seconds after the last."""
-        if dt > LONGEST_STEP_S:
-            self._search_anew(dt)
-            dt = DEFAULT_INTERVAL_S
-        observation = self._likelihood.observe(self.roi.view(gray, colour))
+    def use(self, single: JdtFilter) -> None:
+        """Go on with other fixed parts."""
+
+    def step(
+        self, observation: Observation, looks: Callable[[], Looks], dt: float
+    ) -> tuple[list[_Found], Diagnostics]:
+        """One frame."""
+
+    def search_anew(self, dt: float) -> None:
+        """Forget where everything was; what exists goes on by its Markov chain."""
+
+    def clouds(self) -> tuple[Belief, ...]:
+        """All particle clouds."""
+
+
+class _One:
+    """One object at most."""
+
+    def __init__(self, single: JdtFilter, rng: np.random.Generator) -> None:
+        self._filter, self._rng = single, rng
+        self._belief = single.start(rng)
+        self._id, self._present = 0, False
+
+    @property
+    def existence(self) -> float:
+        return self._belief.existence
+
+    def use(self, single: JdtFilter) -> None:
+        self._filter = single
+
+    def step(
+        self, observation: Observation, looks: Callable[[], Looks], dt: float
+    ) -> tuple[list[_Found], Diagnostics]:
         step = self._filter.step(self._belief, observation, dt, self._rng)
         self._belief = step.belief
-        return self._describe(step)
+        present = step.belief.existence > _SHOWN_ABOVE
+        self._id += present and not self._present
+        self._present = present
+        found = [] if step.estimate is None else [_Found(self._id, self.existence, step.estimate)]
+        return found, step.diagnostics
 
-    def _search_anew(self, dt: float) -> None:
-        p_birth, p_death = self._filter.chain.probabilities(dt)
-        existence = (1 - p_death) * self._belief.existence + p_birth * (1 - self._belief.existence)
+    def search_anew(self, dt: float) -> None:
+        existence = _mixed(self._filter, self.existence, dt)
         fresh = self._filter.start(self._rng)
         exists = fresh.exists | (self._rng.random(len(fresh.exists)) < existence)
         self._belief = replace(fresh, exists=exists, existence=existence)
 
-    def _describe(self, step: Step) -> Detection:
-        existence = step.belief.existence
-        if existence > 0.5 and not self._present:
-            self._object_id += 1
-        self._present = existence > 0.5
-        objects: tuple[DetectedObject, ...] = ()
-        if step.estimate is not None and self._present:
-            mean, spread = step.estimate.mean, step.estimate.spread / self.roi.scale
-            x, y, w, h = (float(v) for v in self.roi.to_frame(mean[None, [X, Y, W, H]])[0])
-            model = self._config.models[int(step.estimate.model_shares.argmax())].name
-            objects = (
-                DetectedObject(
-                    self._object_id, x, y, w, h, float(spread[X]), float(spread[Y]), existence, model
-                ),
-            )
-        told = step.diagnostics
-        return Detection(existence, objects, told.effective_particles, told.fell_back_share)
+    def clouds(self) -> tuple[Belief, ...]:
+        return (self._belief,)
 
 
-def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilter:
-    """The JDT filter in working pixels of the ROI; raises PriorMismatchError."""
-    if learned is not None:
-        _check(config, learned)
-    height = float(roi.shape[0])
-    models = _motion_models(config, learned, height)
-    if learned is None:
-        smallest, largest = (size * height for size in config.size_h)
-        profile = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
-        births = np.array([0.0 if model.momentary else 1.0 for model in models])
-        births = births / births.sum() if births.any() else np.full(len(models), 1 / len(models))
-    else:
-        profile = learned.profile.scaled(height)
-        births = learned.births
-    return JdtFilter(
-        models=models,
-        switching=_switching(config, models, learned, height),
-        births=polygon_births(roi.mask, profile, births),
-        profile=profile,
-        chain=ExistenceChain(config.existence.birth_rate_hz, 1.0 / config.existence.mean_life_s),
-        particles=config.particles,
-        born_share=config.existence.born_share,
-        form=config.form,
-        order=config.order,
-    )
+class _Several:
+    """Several objects."""
+
+    def __init__(self, single: JdtFilter, rng: np.random.Generator, most: int) -> None:
+        self._rng, self._most = rng, most
+        self.use(single)
+        self._belief = self._filter.start(rng)
+
+    @property
+    def existence(self) -> float:
+        return self._belief.existence
+
+    def use(self, single: JdtFilter) -> None:
+        particles = max(single.particles // 2, 25)
+        self._filter = MultiJdtFilter(single, most=self._most, track_particles=particles)
+
+    def step(
+        self, observation: Observation, looks: Callable[[], Looks], dt: float
+    ) -> tuple[list[_Found], Diagnostics]:
+        step = self._filter.step(self._belief, observation, looks, dt, self._rng)
+        self._belief = step.belief
+        found = [_Found(track.id, track.belief.existence, track.estimate) for track in step.belief.tracks]
+        return found, step.diagnostics
+
+    def search_anew(self, dt: float) -> None:
+        existence = _mixed(self._filter.single, self.existence, dt)
+        fresh = self._filter.start(self._rng).search
+        search = replace(fresh, existence=existence)
+        self._belief = MultiBelief((), search, self._belief.next_id)
+
+    def clouds(self) -> tuple[Belief, ...]:
+        return (*(track.belief for track in self._belief.tracks), self._belief.search)
 
 
-def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
-    """The likelihood with learned or default numbers; raises PriorMismatchError."""
-    wanted = config.likelihood
-    fit = learned.likelihood if learned is not None else DEFAULT_LUMP
-    if isinstance(wanted, LumpConfig):
-        if not isinstance(fit, LumpFit):
-            raise PriorMismatchError(
-                "the prior holds a histogram, the configuration asks for likelihood kind lump"
-            )
-        return LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, wanted.evidence, wanted.bound)
-    if not isinstance(fit, HistogramFit):
-        raise PriorMismatchError("likelihood kind histogram needs a trained prior: run lumpwatch train")
-    if fit.channel != wanted.channel:
-        raise PriorMismatchError(
-            f"the prior's histogram is of {fit.channel}, the configuration asks for {wanted.channel}"
+def _mixed(single: JdtFilter, existence: float, dt: float) -> float:
+    p_birth, p_death = single.chain.probabilities(dt)
+    return (1 - p_death) * existence + p_birth * (1 - existence)
+
+
+class RoiDetector:
+    """The filter of one ROI with its belief, random generator and prior."""
+
+    def __init__(self, config: JdtConfig, roi: Roi, learned: Learned | None) -> None:
+        """Raises PriorMismatchError."""
+        self.roi = roi
+        self._config = config
+        self._likelihood = make_likelihood(config, learned)
+        self._appearance = HistogramAppearance()
+        single, rng = make_filter(config, roi, learned), np.random.default_rng(config.seed)
+        self._engine: _Engine = _Several(single, rng, config.objects) if config.several else _One(single, rng)
+
+    def use(self, learned: Learned | None) -> None:
+        """Take another prior; the belief goes on. Raises PriorMismatchError."""
+        # Both are made before either is used: a prior that is refused changes nothing.
+        single, likelihood = (
+            make_filter(self._config, self.roi, learned),
+            make_likelihood(self._config, learned),
         )
-    return HistogramLikelihood(
-        fit.reference, fit.offset, fit.slope, wanted.evidence, wanted.bound, fit.channel
-    )
+        self._engine.use(single)
+        self._likelihood = likelihood
 
+    def clouds(self) -> tuple[Belief, ...]:
+        """All particle clouds after the last step, for overlays and plots."""
+        return self._engine.clouds()
 
-def _check(config: JdtConfig, learned: Learned) -> None:
-    names = tuple(model.name for model in config.models)
-    if names != learned.models:
-        raise PriorMismatchError(
-            f"the prior was trained for the models {', '.join(learned.models)}, "
-            f"the configuration names {', '.join(names)}: train again"
+    def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
+        """One working picture (h, w), `dt` seconds after the last."""
+        if dt > LONGEST_STEP_S:
+            self._engine.search_anew(dt)
+            dt = DEFAULT_INTERVAL_S
+        view = self.roi.view(gray, colour)
+        observation = self._likelihood.observe(view)
+        found, told = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
+        objects = tuple(self._describe(one) for one in found if one.existence > _SHOWN_ABOVE)
+        return Detection(self._engine.existence, objects, told.effective_particles, told.fell_back_share)
+
+    def _describe(self, found: _Found) -> DetectedObject:
+        mean, spread = found.estimate.mean, found.estimate.spread / self.roi.scale
+        x, y, w, h = (float(v) for v in self.roi.to_frame(mean[None, [X, Y, W, H]])[0])
+        model = self._config.models[int(found.estimate.model_shares.argmax())].name
+        return DetectedObject(
+            found.id, x, y, w, h, float(spread[X]), float(spread[Y]), found.existence, model
         )
-
-
-def _motion_models(config: JdtConfig, learned: Learned | None, height: float) -> tuple[MotionModel, ...]:
-    models: list[MotionModel] = []
-    default_rates = iter((*DEFAULT_RATES_H_S2, *[DEFAULT_RATES_H_S2[-1]] * len(config.models)))
-    for m, entry in enumerate(config.models):
-        rate, noise = entry.acceleration_h_s2, entry.velocity_noise_h_s
-        if learned is not None:
-            rate = rate or (float(learned.rates[m, 0]), float(learned.rates[m, 1]))
-            noise = noise or float(learned.velocity_noise[m])
-        elif rate is None and entry.kind == "constant_acceleration":
-            rate = (0.0, next(default_rates))
-        models.append(_motion_model(entry, rate or (0.0, 0.0), noise, height))
-    return tuple(models)
-
-
-def _motion_model(
-    entry: MotionConfig, rate: tuple[float, float], noise: float | None, height: float
-) -> MotionModel:
-    """One motion model in working pixels."""
-    still = height * (entry.position_noise_h or DEFAULT_POSITION_NOISE_H)
-    fast = rate[1] > 1.0 or entry.kind.startswith("bounce")
-    moving = height * (noise or (DEFAULT_FAST_NOISE_H_S if fast else DEFAULT_VELOCITY_NOISE_H_S))
-    match entry.kind:
-        case "constant_position":
-            return ConstantPosition(entry.name, still)
-        case "random_walk":
-            return RandomWalk(entry.name, still)
-        case "constant_velocity":
-            return ConstantVelocity(entry.name, moving)
-        case "constant_acceleration":
-            return ConstantAcceleration(entry.name, (rate[0] * height, rate[1] * height), moving)
-        case "bounce_x" | "bounce_y" | "bounce":
-            return Bounce(entry.name, moving, entry.kind != "bounce_y", entry.kind != "bounce_x")
-
-
-def _switching(
-    config: JdtConfig, models: tuple[MotionModel, ...], learned: Learned | None, height: float
-) -> Switching:
-    momentary = np.array([model.momentary for model in models])
-    if learned is None:
-        return FixedSwitching(_default_matrix(momentary), DEFAULT_INTERVAL_S, momentary)
-    matrix = conditional(learned.joint)
-    if config.switching == "fixed":
-        return FixedSwitching(matrix, learned.interval_s, momentary)
-    return AdaptiveSwitching(matrix, learned.interval_s, momentary, learned.density.scaled(height))
-
-
-def _default_matrix(momentary: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Regimes stay with 0.97, momentary models leave; the rest is spread evenly over the others."""
-    m = len(momentary)
-    if m == 1:
-        return np.ones((1, 1))
-    matrix = np.full((m, m), (1 - DEFAULT_STAY) / (m - 1))
-    np.fill_diagonal(matrix, DEFAULT_STAY)
-    if not momentary.all():
-        for row in np.flatnonzero(momentary):
-            matrix[row] = np.where(momentary, 0.0, 1.0 / (~momentary).sum())
-    return matrix

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from models.roi import Image
-from models.state import H, W, X, Y
+from models.state import Belief, H, W, X, Y
 from service.config import CameraConfig
 from service.detector import RoiDetector
 from service.encode import VideoWriter
@@ -88,8 +88,9 @@ def draw(
         colour = _COLOURS[result.decision]
         corners = np.round(detector.roi.corners).astype(np.int32)
         cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
-        if result.existence > 0.1:
-            _draw_particles(canvas, detector, most_particles)
+        for cloud in detector.clouds():
+            if cloud.existence > 0.1:
+                _draw_particles(canvas, detector, cloud, most_particles)
         for found in result.detection.objects if result.detection else ():
             low = (round(found.x), round(found.y))
             high = (round(found.x + found.w), round(found.y + found.h))
@@ -107,8 +108,7 @@ def _bgr(frame: Frame) -> Image:
     return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
-def _draw_particles(canvas: Image, detector: RoiDetector, most: int) -> None:
-    belief = detector.belief
+def _draw_particles(canvas: Image, detector: RoiDetector, belief: Belief, most: int) -> None:
     alive = np.flatnonzero(belief.exists)[:: max(1, int(belief.exists.sum()) // most)]
     boxes = detector.roi.to_frame(belief.states[alive][:, [X, Y, W, H]])
     centres = boxes[:, :2] + boxes[:, 2:] / 2

@@ -15,8 +15,9 @@ from typing import Protocol
 from models.roi import make_roi
 from service.alarms import Alarm, Transition, acknowledge, step
 from service.config.cameras import CameraConfig, RoiConfig
-from service.detector import DEFAULT_INTERVAL_S, Detection, RoiDetector
+from service.detector import Detection, RoiDetector
 from service.errors import LumpwatchError
+from service.filters import DEFAULT_INTERVAL_S
 from service.frames import Frame
 from service.messages import BlindReason, Decision
 from service.planes import working_colour, working_luma

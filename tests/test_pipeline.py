@@ -96,7 +96,7 @@ def test_an_object_raises_the_alarm_and_its_end_clears_it() -> None:
     assert abs(found.x + found.w / 2 - 48) < 5
     assert abs(found.y + found.h / 2 - 32) < 5
     assert found.model == "constant_velocity"
-    assert found.existence == by_time[2.9].existence > 0.9
+    assert 0.9 < found.existence <= by_time[2.9].existence
 
 
 def test_each_new_object_gets_the_next_id() -> None:

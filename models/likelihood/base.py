@@ -61,13 +61,18 @@ def box_edges(state, scale, width, height):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def inside_share(inside, state):  # type: ignore[no-untyped-def]
-    """Share of a state's box, clipped parts counted as outside, that lies in the polygon."""
+def box_inside(inside, state):  # type: ignore[no-untyped-def]
+    """The edges of a state's box, clipped, and the share of it, clipped parts included, in the polygon."""
     height, width = inside.shape[0] - 1, inside.shape[1] - 1
     x0, y0, x1, y1 = _rounded_edges(state, 1.0)
-    area = (x1 - x0) * (y1 - y0)
-    if area <= 0:
-        return 0.0
     left, right = min(max(x0, 0), width), min(max(x1, 0), width)
     top, bottom = min(max(y0, 0), height), min(max(y1, 0), height)
-    return box_sum(inside, left, top, right, bottom) / area
+    area = (x1 - x0) * (y1 - y0)
+    share = box_sum(inside, left, top, right, bottom) / area if area > 0 else 0.0
+    return (left, top, right, bottom), share
+
+
+@njit(cache=True)
+def inside_share(inside, state):  # type: ignore[no-untyped-def]
+    """Share of a state's box, clipped parts counted as outside, that lies in the polygon."""
+    return box_inside(inside, state)[1]

@@ -7,7 +7,9 @@ fitted to boxes with and without the object:
     log L = offset - slope D^2
 
 An integral histogram (Porikli 2005) holds 16 counts for each pixel, so that a box costs four corners
-whatever its size.
+whatever its size. Four counts share one unsigned 64-bit word, 16 bits each. The words wrap around and
+counts carry into their neighbours, but all of it cancels in the difference of the corners, which is
+exact for boxes of up to 65,535 pixels; larger boxes are cut into strips.
 """
 
 from __future__ import annotations
@@ -20,12 +22,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, inside_share
+from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside
 from models.roi import Image, View
 from models.state import States
 
 BINS = 16
 Channel = Literal["luma", "colour"]
+_WORDS = 4
+"""Words of a pixel in the integral histogram."""
+_ONES = np.zeros((BINS, _WORDS), np.uint64)
+_ONES[np.arange(BINS), np.arange(BINS) // 4] = np.uint64(1) << np.arange(0, 16 * BINS, 16, np.uint64) % 64
+"""What one pixel adds to the words."""
+_MOST = 65535
 _GRAY_BINS = 4
 _LEAST_SATURATION = 48
 
@@ -57,14 +65,14 @@ class HistogramLikelihood:
     evidence: float
     bound: float
     channel: Channel = "luma"
-    _scratch: NDArray[np.int32] | None = field(default=None, repr=False)
+    _scratch: NDArray[np.uint64] | None = field(default=None, repr=False)
 
     def observe(self, view: View) -> HistogramObservation:
         """Build the integral histogram of the picture."""
         bins = bin_image(view, self.channel)
-        shape = (bins.shape[0] + 1, bins.shape[1] + 1, BINS)
+        shape = (bins.shape[0] + 1, bins.shape[1] + 1, _WORDS)
         if self._scratch is None or self._scratch.shape != shape:
-            self._scratch = np.zeros(shape, np.int32)
+            self._scratch = np.zeros(shape, np.uint64)
         integral_histogram(bins, self._scratch)
         return HistogramObservation(self, self._scratch, view.inside)
 
@@ -74,13 +82,14 @@ class HistogramObservation:
     """The integral histogram of one picture."""
 
     likelihood: HistogramLikelihood
-    integral: NDArray[np.int32]
+    integral: NDArray[np.uint64]
     inside: NDArray[np.int32]
 
     def distance(self, states: States) -> NDArray[np.float64]:
         """Squared Bhattacharyya distance (n,) to the reference; 1 for a box that leaves the polygon."""
-        roots = np.sqrt(self.likelihood.reference)
-        return _distances(self.integral, self.inside, states, roots, LEAST_INSIDE)
+        counts, area = _counts(self.integral, self.inside, states, LEAST_INSIDE)
+        overlap = _roots(counts) @ np.sqrt(self.likelihood.reference)
+        return 1.0 - overlap / np.sqrt(area)
 
     def log_ratio(self, states: States) -> NDArray[np.float64]:
         """See `Observation`."""
@@ -89,41 +98,76 @@ class HistogramObservation:
         return bounded(ratio, model.evidence, model.bound)
 
 
-def histogram(integral: NDArray[np.int32], state: NDArray[np.float64]) -> NDArray[np.float64]:
+def histogram(integral: NDArray[np.uint64], state: NDArray[np.float64]) -> NDArray[np.float64]:
     """Histogram (16,) of one state's box, summing to 1; zeros for an empty box."""
-    x0, y0, x1, y1 = box_edges(state, 1.0, integral.shape[1] - 1, integral.shape[0] - 1)
-    counts = (integral[y1, x1] - integral[y0, x1] - integral[y1, x0] + integral[y0, x0]).astype(float)
+    box = box_edges(state, 1.0, integral.shape[1] - 1, integral.shape[0] - 1)
+    counts = np.zeros(BINS, np.uint32)
+    _count(integral, box, counts)
     return counts / max(counts.sum(), 1.0)
 
 
 @njit(cache=True)
 def integral_histogram(bins, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (h + 1, w + 1, 16) with the counts of each bin above and to the left of a pixel."""
+    """Fill `out` (h + 1, w + 1, 4) with the counts of each bin above and to the left of a pixel."""
     height, width = bins.shape
-    row = np.zeros(16, np.int32)
     for y in range(height):
-        row[:] = 0
+        row0 = row1 = row2 = row3 = np.uint64(0)
         for x in range(width):
-            row[bins[y, x]] += 1
-            for b in range(16):
-                out[y + 1, x + 1, b] = out[y, x + 1, b] + row[b]
+            one = _ONES[bins[y, x]]
+            row0 += one[0]
+            row1 += one[1]
+            row2 += one[2]
+            row3 += one[3]
+            out[y + 1, x + 1, 0] = out[y, x + 1, 0] + row0
+            out[y + 1, x + 1, 1] = out[y, x + 1, 1] + row1
+            out[y + 1, x + 1, 2] = out[y, x + 1, 2] + row2
+            out[y + 1, x + 1, 3] = out[y, x + 1, 3] + row3
 
 
 @njit(cache=True)
-def _distances(integral, inside, states, roots, least_inside):  # type: ignore[no-untyped-def]
-    n = len(states)
-    out = np.ones(n)
-    height, width = integral.shape[0] - 1, integral.shape[1] - 1
-    for i in range(n):
-        if inside_share(inside, states[i]) < least_inside:
-            continue
-        x0, y0, x1, y1 = box_edges(states[i], 1.0, width, height)
-        area = (x1 - x0) * (y1 - y0)
-        if area <= 0:
-            continue
-        overlap = 0.0
-        for b in range(16):
-            count = integral[y1, x1, b] - integral[y0, x1, b] - integral[y1, x0, b] + integral[y0, x0, b]
-            overlap += np.sqrt(count) * roots[b]
-        out[i] = 1.0 - overlap / np.sqrt(area)
-    return out
+def _count_small(integral, x0, y0, x1, y1, counts):  # type: ignore[no-untyped-def]
+    """Write the counts (16,) of a box of at most 65,535 pixels."""
+    for k in range(4):
+        word = integral[y1, x1, k] - integral[y0, x1, k] - integral[y1, x0, k] + integral[y0, x0, k]
+        for j in range(4):
+            counts[4 * k + j] = np.uint32(word >> np.uint64(16 * j)) & np.uint32(_MOST)
+
+
+@njit(cache=True)
+def _count(integral, box, counts):  # type: ignore[no-untyped-def]
+    """Write the counts (16,) of a box."""
+    x0, y0, x1, y1 = box
+    if (x1 - x0) * (y1 - y0) <= _MOST:
+        _count_small(integral, x0, y0, x1, y1, counts)
+        return
+    part = np.empty_like(counts)
+    rows = _MOST // (x1 - x0)
+    counts[:] = 0
+    for y in range(y0, y1, rows):
+        _count_small(integral, x0, y, x1, min(y + rows, y1), part)
+        counts += part
+
+
+@njit(cache=True)
+def _counts(integral, inside, states, least_inside):  # type: ignore[no-untyped-def]
+    """Histograms (n, 16) of the boxes and their areas (n,); no counts where a box leaves the polygon."""
+    counts = np.empty((len(states), 16), np.uint32)
+    area = np.ones(len(states))
+    for i in range(len(states)):
+        box, share = box_inside(inside, states[i])
+        if share >= least_inside:
+            _count(integral, box, counts[i])
+            area[i] = max((box[2] - box[0]) * (box[3] - box[1]), 1)
+        else:
+            counts[i] = 0
+    return counts, area
+
+
+@njit(cache=True)
+def _roots(counts):  # type: ignore[no-untyped-def]
+    """Square roots of counts; one plain loop, which compiles to vector instructions."""
+    roots = np.empty(counts.shape)
+    flat_counts, flat_roots = counts.ravel(), roots.ravel()
+    for i in range(len(flat_counts)):
+        flat_roots[i] = np.sqrt(np.float64(flat_counts[i]))
+    return roots

@@ -123,6 +123,8 @@ class JdtConfig(Strict):
     """Draw the new model and move by it, or move by the last model as Eq. 9 has it literally."""
     form: Literal["marginal", "sampled"] = "marginal"
     """Existence from the weights (Rutten et al.), or as share of particles (Fig. 6)."""
+    objects: int = Field(default=3, ge=1, le=8)
+    """Largest number of objects that are followed at once (form sampled: 1)."""
     likelihood: LikelihoodConfig = LumpConfig()
     """How the picture speaks for or against an object at a place."""
     existence: ExistenceConfig = ExistenceConfig()
@@ -139,9 +141,16 @@ class JdtConfig(Strict):
         names = [model.name for model in self.models]
         if twice := {n for n in names if names.count(n) > 1}:
             raise ValueError(f"models: name '{min(twice)}' is given more than once; give each model a name")
+        if self.form == "sampled" and self.objects > 1 and "objects" in self.model_fields_set:
+            raise ValueError("form sampled follows one object: objects must be 1")
         if self.size_h[0] >= self.size_h[1]:
             raise ValueError("size_h must be [smallest, largest]")
         return self
+
+    @property
+    def several(self) -> bool:
+        """Whether more than one object is followed."""
+        return self.objects > 1 and self.form == "marginal"
 
     @property
     def needs_colour(self) -> bool:

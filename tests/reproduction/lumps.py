@@ -149,8 +149,7 @@ def main() -> None:
 
 Trained on one minute of the simulated feed (seed {TRAINING_SEED}), replayed on minutes of other seeds from
 their H.264 files. A lump counts as announced when, before its fall begins, the ROI says LUMP and the
-estimate lies on that lump (intersection over union above 0.3). The filter follows one object a ROI, so
-the second of two lumps that are in view together is announced when the first has fallen.
+estimate lies on that lump (intersection over union above 0.3).
 
 | seed | lumps that fell | announced before the fall | median warning (s) | shortest warning (s) |
 |---|---|---|---|---|

@@ -56,6 +56,7 @@ FOOTBALL = Experiment(
     title="Football juggling (4.2), real footage",
     scene=partial(football, noise=20.0, training=False),
     training_scene=partial(football, noise=20.0, training=True),
+    needs_footage=True,
     kinds=JUGGLING.kinds,
     names=JUGGLING.names,
     component="vertical_velocity",

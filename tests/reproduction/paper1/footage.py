@@ -12,7 +12,7 @@ from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
 from tests.reproduction.paper1.scenes import Scene, noisy, with_empty
 
-FEED_FPS, FEED_MARGIN = 5.0, 12
+FEED_FPS, FEED_MARGIN = 4.0, 12
 _LABELS = {"belt": 0, "fall": 1}
 
 
@@ -28,7 +28,7 @@ def feed(seed: int, noise: float) -> Scene:
         fps=FEED_FPS,
         belt_speed_mm_s=1200.0,
         lumps_per_minute=4.0,
-        lump_spacing_s=9.0,
+        lump_spacing_s=8.0,
         noise=noise,
     )
     simulator = FeedSimulator(spec)

@@ -36,6 +36,9 @@ class Measures:
     """Share of frames with existence above 0.5 while the object is there."""
     detected_late: float
     """The same after the object's first 15 frames."""
+    after_switch: float
+    """Share of the five frames from each change of the motion model on in which existence is above 0.5
+    and the estimate lies in the object's box."""
     false_alarms: float
     """Share of frames with existence above 0.5 while it is not."""
     first: float
@@ -66,14 +69,25 @@ def measure(result: Run, scene: Scene, roi: Roi) -> Measures:
     hit = says & present
     since = np.cumsum(present) - 1  # frames since the object came, while it is there
     late = present & (since >= SETTLED)
-    distance = np.linalg.norm(result.centres - working_boxes(scene, roi)[:, :2], axis=1)
+    boxes = working_boxes(scene, roi)
+    distance = np.linalg.norm(result.centres - boxes[:, :2], axis=1)
+    held = hit & (np.abs(result.centres - boxes[:, :2]) <= 0.5 * boxes[:, 2:]).all(axis=1)
     return Measures(
         detected=_share(says, present),
         detected_late=_share(says, late),
+        after_switch=_share(held, present & after_switch(scene)),
         false_alarms=_share(says, ~present),
         first=float(since[hit][0]) if hit.any() else float("nan"),
         error=float(np.median(distance[hit])) if hit.any() else float("nan"),
     )
+
+
+def after_switch(scene: Scene, frames: int = 5) -> NDArray[np.bool_]:
+    """The frames from each change of the motion model on (n,); a bounce is one change."""
+    known = scene.labels >= 0
+    change = np.zeros(len(known), dtype=np.bool_)
+    change[1:] = known[1:] & known[:-1] & (scene.labels[1:] != scene.labels[:-1]) & (scene.labels[1:] > 0)
+    return np.convolve(change, np.ones(frames))[: len(change)] > 0
 
 
 def _share(says: NDArray[np.bool_], where: NDArray[np.bool_]) -> float:

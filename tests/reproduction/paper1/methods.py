@@ -99,6 +99,7 @@ class Experiment:
     position gathers in a frame for a model without velocity."""
     training_scene: Callable[[int], Scene] | None = None
     """Where training footage is another; otherwise `scene`, with other seeds."""
+    needs_footage: bool = False
     likelihood: Channel | Literal["lump"] = "luma"
     evidence: float = 1.0
     bound: float = 4.0
@@ -107,6 +108,14 @@ class Experiment:
     """Half window of `samples`, frames; 0 for bounces."""
     training_seeds: tuple[int, ...] = tuple(range(1000, 1004))
     test_seeds: tuple[int, ...] = tuple(range(20))
+    about: str = ""
+    """What the scene shows, for the page."""
+    remarks: str = ""
+    """Why the methods fare as they do, for the page."""
+
+    def for_training(self, seed: int) -> Scene:
+        """Training scene of a seed."""
+        return (self.training_scene or self.scene)(seed)
 
     @property
     def methods(self) -> tuple[Method, ...]:

@@ -105,7 +105,7 @@ def bouncing_square(seed: int, noise: float, frames: int = 100, empty: tuple[int
 
 
 TABLE_SHAPE, TABLE_ROW, TABLE_ENDS, BATS = (180, 320), 132.0, (60.0, 260.0), (36.0, 284.0)
-BALL_SIZE, TABLE_INTERVAL_S, PX_PER_M = 10, 1 / 25, 73.0
+BALL_SIZE, TABLE_INTERVAL_S, PX_PER_M = 8, 1 / 25, 73.0
 GRAVITY_M_S2 = 9.81
 
 
@@ -121,12 +121,12 @@ def table_tennis(seed: int, noise: float, frames: int = 200, empty: tuple[int, i
     h, w = TABLE_SHAPE
     backdrop = 105.0 + cloudy(rng, TABLE_SHAPE, 2.5, 12.0)
     backdrop[int(TABLE_ROW) + 5 : int(TABLE_ROW) + 12, int(TABLE_ENDS[0]) : int(TABLE_ENDS[1])] -= 45.0
-    backdrop[int(TABLE_ROW) - 6 : int(TABLE_ROW) + 5, w // 2 - 1 : w // 2 + 2] += 30.0
+    backdrop[int(TABLE_ROW) - 6 : int(TABLE_ROW) + 5, w // 2 - 1 : w // 2 + 2] -= 30.0
     for bat in BATS:
         backdrop[70:, int(bat - 28 if bat < w / 2 else bat + 8) : int(bat - 8 if bat < w / 2 else bat + 28)] -= 35.0
     disc = np.zeros((BALL_SIZE, BALL_SIZE))
     cv2.ellipse(disc, (BALL_SIZE // 2, BALL_SIZE // 2), (BALL_SIZE // 2, BALL_SIZE // 2), 0, 0, 360, 1.0, -1)
-    return _filmed(backdrop, boxes, known, np.full(disc.shape, 200.0), disc, noise, TABLE_INTERVAL_S, rng)
+    return _filmed(backdrop, boxes, known, np.full(disc.shape, 195.0), disc, noise, TABLE_INTERVAL_S, rng)
 
 
 def _rally(rng: np.random.Generator, frames: int) -> tuple[list[tuple[float, float]], list[int]]:
@@ -179,26 +179,26 @@ def _filmed(
     return Scene(tuple(pictures), boxes, labels, interval_s)
 
 
-JUGGLING_SHAPE, FOOT_ROW, FOOTBALL = (140, 200), 112.0, 20
+JUGGLING_SHAPE, FOOT_ROW, FOOTBALL = (160, 220), 130.0, 18
 
 
 def juggling(seed: int, noise: float, frames: int = 125, empty: tuple[int, int] = (20, 20)) -> Scene:
     """A football falls with constant acceleration and is kicked up again before it lands."""
     rng = np.random.default_rng([seed, 3])
-    gravity = 1.1  # px/frame^2
-    x, y, vx, vy = 100.0, 50.0, 0.0, 0.0
+    gravity = 1.4  # px/frame^2
+    x, y, vx, vy = 110.0, 50.0, 0.0, 0.0
     path, labels = [(x, y)], [0]
     for _ in range(frames - 1):
         kicked = y + vy > FOOT_ROW + rng.normal(0.0, 2.0)
         if kicked:
-            vx, vy = rng.normal((100.0 - x) / 15.0, 0.6), -float(np.clip(vy * rng.normal(0.97, 0.08), 6.5, 10.0))
+            vx, vy = rng.normal((110.0 - x) / 15.0, 0.6), -float(np.clip(vy * rng.normal(0.97, 0.08), 8.0, 13.0))
         else:
             vy += gravity
         x, y = x + vx, y + vy
         path.append((float(x + rng.normal(0.0, 0.3)), float(y + rng.normal(0.0, 0.3))))
         labels.append(int(kicked))
     boxes, known = with_empty(path, labels, (FOOTBALL, FOOTBALL), empty)
-    backdrop = 125.0 + cloudy(rng, JUGGLING_SHAPE, 2.0, 12.0)
+    backdrop = 125.0 + cloudy(rng, JUGGLING_SHAPE, 2.0, 5.0)
     alpha = np.zeros((FOOTBALL, FOOTBALL))
     cv2.circle(alpha, (FOOTBALL // 2, FOOTBALL // 2), FOOTBALL // 2 - 1, 1.0, -1)
     yy, xx = np.mgrid[:FOOTBALL, :FOOTBALL]

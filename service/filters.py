@@ -1,0 +1,155 @@
+"""From configuration and prior to the filter and likelihood of a ROI, in working pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.births import polygon_births
+from models.existence import ExistenceChain
+from models.jdt import JdtFilter
+from models.learning.learned import HistogramFit, Learned, LumpFit
+from models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
+from models.motion import (
+    Bounce,
+    ConstantAcceleration,
+    ConstantPosition,
+    ConstantVelocity,
+    MotionModel,
+    RandomWalk,
+)
+from models.profile import default_profile
+from models.roi import Roi
+from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
+from service.config.detector import JdtConfig, LumpConfig, MotionConfig
+from service.default_lump import DEFAULT_LUMP
+from service.errors import ConfigError
+
+# Stated defaults of a filter without a prior; lengths in ROI heights.
+DEFAULT_INTERVAL_S = 1 / 15
+DEFAULT_STAY = 0.97
+DEFAULT_SPEED_H_S = 0.5
+DEFAULT_RATES_H_S2 = (0.03, 3.0)
+DEFAULT_VELOCITY_NOISE_H_S = 0.15
+DEFAULT_FAST_NOISE_H_S = 0.6
+DEFAULT_POSITION_NOISE_H = 0.1
+
+
+class PriorMismatchError(ConfigError):
+    """A prior does not fit the configuration of its ROI."""
+
+
+def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilter:
+    """The JDT filter in working pixels of the ROI; raises PriorMismatchError."""
+    if learned is not None:
+        _check(config, learned)
+    height = float(roi.shape[0])
+    models = _motion_models(config, learned, height)
+    if learned is None:
+        smallest, largest = (size * height for size in config.size_h)
+        profile = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
+        births = np.array([0.0 if model.momentary else 1.0 for model in models])
+        births = births / births.sum() if births.any() else np.full(len(models), 1 / len(models))
+    else:
+        profile = learned.profile.scaled(height)
+        births = learned.births
+    return JdtFilter(
+        models=models,
+        switching=_switching(config, models, learned, height),
+        births=polygon_births(roi.mask, profile, births),
+        profile=profile,
+        chain=ExistenceChain(config.existence.birth_rate_hz, 1.0 / config.existence.mean_life_s),
+        particles=config.particles,
+        born_share=config.existence.born_share,
+        form=config.form,
+        order=config.order,
+    )
+
+
+def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
+    """The likelihood with learned or default numbers; raises PriorMismatchError."""
+    wanted = config.likelihood
+    fit = learned.likelihood if learned is not None else DEFAULT_LUMP
+    if isinstance(wanted, LumpConfig):
+        if not isinstance(fit, LumpFit):
+            raise PriorMismatchError(
+                "the prior holds a histogram, the configuration asks for likelihood kind lump"
+            )
+        return LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, wanted.evidence, wanted.bound)
+    if not isinstance(fit, HistogramFit):
+        raise PriorMismatchError("likelihood kind histogram needs a trained prior: run lumpwatch train")
+    if fit.channel != wanted.channel:
+        raise PriorMismatchError(
+            f"the prior's histogram is of {fit.channel}, the configuration asks for {wanted.channel}"
+        )
+    return HistogramLikelihood(
+        fit.reference, fit.offset, fit.slope, wanted.evidence, wanted.bound, fit.channel
+    )
+
+
+def _check(config: JdtConfig, learned: Learned) -> None:
+    names = tuple(model.name for model in config.models)
+    if names != learned.models:
+        raise PriorMismatchError(
+            f"the prior was trained for the models {', '.join(learned.models)}, "
+            f"the configuration names {', '.join(names)}: train again"
+        )
+
+
+def _motion_models(config: JdtConfig, learned: Learned | None, height: float) -> tuple[MotionModel, ...]:
+    models: list[MotionModel] = []
+    default_rates = iter((*DEFAULT_RATES_H_S2, *[DEFAULT_RATES_H_S2[-1]] * len(config.models)))
+    for m, entry in enumerate(config.models):
+        rate, noise = entry.acceleration_h_s2, entry.velocity_noise_h_s
+        if learned is not None:
+            rate = rate or (float(learned.rates[m, 0]), float(learned.rates[m, 1]))
+            noise = noise or float(learned.velocity_noise[m])
+        elif rate is None and entry.kind == "constant_acceleration":
+            rate = (0.0, next(default_rates))
+        models.append(_motion_model(entry, rate or (0.0, 0.0), noise, height))
+    return tuple(models)
+
+
+def _motion_model(
+    entry: MotionConfig, rate: tuple[float, float], noise: float | None, height: float
+) -> MotionModel:
+    """One motion model in working pixels."""
+    still = height * (entry.position_noise_h or DEFAULT_POSITION_NOISE_H)
+    fast = rate[1] > 1.0 or entry.kind.startswith("bounce")
+    moving = height * (noise or (DEFAULT_FAST_NOISE_H_S if fast else DEFAULT_VELOCITY_NOISE_H_S))
+    match entry.kind:
+        case "constant_position":
+            return ConstantPosition(entry.name, still)
+        case "random_walk":
+            return RandomWalk(entry.name, still)
+        case "constant_velocity":
+            return ConstantVelocity(entry.name, moving)
+        case "constant_acceleration":
+            return ConstantAcceleration(entry.name, (rate[0] * height, rate[1] * height), moving)
+        case "bounce_x" | "bounce_y" | "bounce":
+            return Bounce(entry.name, moving, entry.kind != "bounce_y", entry.kind != "bounce_x")
+
+
+def _switching(
+    config: JdtConfig, models: tuple[MotionModel, ...], learned: Learned | None, height: float
+) -> Switching:
+    momentary = np.array([model.momentary for model in models])
+    if learned is None:
+        return FixedSwitching(_default_matrix(momentary), DEFAULT_INTERVAL_S, momentary)
+    matrix = conditional(learned.joint)
+    if config.switching == "fixed":
+        return FixedSwitching(matrix, learned.interval_s, momentary)
+    return AdaptiveSwitching(matrix, learned.interval_s, momentary, learned.density.scaled(height))
+
+
+def _default_matrix(momentary: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Regimes stay with 0.97, momentary models leave; the rest is spread evenly over the others."""
+    m = len(momentary)
+    if m == 1:
+        return np.ones((1, 1))
+    matrix = np.full((m, m), (1 - DEFAULT_STAY) / (m - 1))
+    np.fill_diagonal(matrix, DEFAULT_STAY)
+    if not momentary.all():
+        for row in np.flatnonzero(momentary):
+            matrix[row] = np.where(momentary, 0.0, 1.0 / (~momentary).sum())
+    return matrix
