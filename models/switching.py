@@ -52,9 +52,10 @@ def over_interval(matrix: Matrix, steps: float, momentary: NDArray[np.bool_]) ->
     if abs(steps - 1.0) < 1e-6:
         return matrix
     whole = int(steps)
-    part = steps - whole
-    identity = np.eye(len(matrix))
-    scaled = np.linalg.matrix_power(matrix, whole) @ ((1.0 - part) * identity + part * matrix)
+    scaled = (steps - whole) * matrix
+    scaled.flat[:: len(matrix) + 1] += 1.0 - (steps - whole)
+    if whole:
+        scaled = np.linalg.matrix_power(matrix, whole) @ scaled
     scaled[momentary] = matrix[momentary]
     return scaled
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +18,11 @@ from models.motion import (
     ConstantAcceleration,
     ConstantPosition,
     ConstantVelocity,
+    FreeAcceleration,
     MotionModel,
     RandomWalk,
 )
+from models.motion_prior import CellVelocities, MotionPrior
 from models.profile import default_profile
 from models.roi import Roi
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
@@ -33,6 +38,7 @@ DEFAULT_RATES_H_S2 = (0.03, 3.0)
 DEFAULT_VELOCITY_NOISE_H_S = 0.15
 DEFAULT_FAST_NOISE_H_S = 0.6
 DEFAULT_POSITION_NOISE_H = 0.1
+DEFAULT_ACCELERATION_NOISE_H_S2 = 1.0
 
 
 class PriorMismatchError(ConfigError):
@@ -97,6 +103,12 @@ def _check(config: JdtConfig, learned: Learned) -> None:
 
 
 def _motion_models(config: JdtConfig, learned: Learned | None, height: float) -> tuple[MotionModel, ...]:
+    if learned is not None and learned.cells is None:
+        for entry in config.models:
+            if entry.kind == "motion_prior":
+                raise PriorMismatchError(
+                    f"the prior holds no flow for the motion prior {entry.name}: train again"
+                )
     models: list[MotionModel] = []
     default_rates = iter((*DEFAULT_RATES_H_S2, *[DEFAULT_RATES_H_S2[-1]] * len(config.models)))
     for m, entry in enumerate(config.models):
@@ -106,14 +118,21 @@ def _motion_models(config: JdtConfig, learned: Learned | None, height: float) ->
             noise = noise or float(learned.velocity_noise[m])
         elif rate is None and entry.kind == "constant_acceleration":
             rate = (0.0, next(default_rates))
-        models.append(_motion_model(entry, rate or (0.0, 0.0), noise, height))
+        cells = learned.cells.scaled(height) if learned is not None and learned.cells is not None else None
+        models.append(_motion_model(entry, rate or (0.0, 0.0), noise, height, cells))
     return tuple(models)
 
 
 def _motion_model(
-    entry: MotionConfig, rate: tuple[float, float], noise: float | None, height: float
+    entry: MotionConfig,
+    rate: tuple[float, float],
+    noise: float | None,
+    height: float,
+    cells: CellVelocities | None,
 ) -> MotionModel:
     """One motion model in working pixels."""
+    if entry.custom:
+        return _own_model(entry, height)
     still = height * (entry.position_noise_h or DEFAULT_POSITION_NOISE_H)
     fast = rate[1] > 1.0 or entry.kind.startswith("bounce")
     moving = height * (noise or (DEFAULT_FAST_NOISE_H_S if fast else DEFAULT_VELOCITY_NOISE_H_S))
@@ -128,6 +147,29 @@ def _motion_model(
             return ConstantAcceleration(entry.name, (rate[0] * height, rate[1] * height), moving)
         case "bounce_x" | "bounce_y" | "bounce":
             return Bounce(entry.name, moving, entry.kind != "bounce_y", entry.kind != "bounce_x")
+        case "free_acceleration":
+            jerk = entry.acceleration_noise_h_s2 or DEFAULT_ACCELERATION_NOISE_H_S2
+            return FreeAcceleration(entry.name, height * jerk)
+        case "motion_prior" if cells is not None:
+            return MotionPrior(entry.name, cells, moving)
+    raise PriorMismatchError(
+        f"motion model {entry.name}: kind {entry.kind} needs a prior; run lumpwatch train"
+    )
+
+
+def _own_model(entry: MotionConfig, height: float) -> MotionModel:
+    """A model of the user's own: the class named `package.module:Class`."""
+    module, _, name = entry.kind.partition(":")
+    where = f"motion model {entry.name}: kind {entry.kind}"
+    try:
+        made = getattr(importlib.import_module(module), name)(
+            name=entry.name, height=height, **entry.parameters
+        )
+    except Exception as error:
+        raise ConfigError(f"{where}: cannot be made ({type(error).__name__}: {error})") from error
+    if not callable(getattr(made, "move", None)) or not isinstance(getattr(made, "momentary", None), bool):
+        raise ConfigError(f"{where}: has no method move or no attribute momentary")
+    return cast("MotionModel", made)
 
 
 def _switching(

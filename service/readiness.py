@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from service.config import HistogramConfig, SiteConfig
+from service.config import HistogramConfig, JdtConfig, SiteConfig
 from service.errors import ConfigError
 from service.store.priors import PriorStore
+
+
+def _needs_prior(detector: JdtConfig) -> str | None:
+    """What of the detector cannot work on stated defaults."""
+    if isinstance(detector.likelihood, HistogramConfig):
+        return "likelihood kind histogram"
+    if any(model.kind == "motion_prior" for model in detector.models):
+        return "motion model kind motion_prior"
+    return None
 
 
 def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
@@ -17,9 +26,9 @@ def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
     for camera in config.cameras:
         for roi in camera.rois:
             found = store.current(camera.id, roi.id)
-            if found.prior is None and isinstance(roi.detector.likelihood, HistogramConfig):
+            if found.prior is None and (what := _needs_prior(roi.detector)):
                 raise ConfigError(
-                    f"camera {camera.id}, roi {roi.id}: likelihood kind histogram needs a prior; "
+                    f"camera {camera.id}, roi {roi.id}: {what} needs a prior; "
                     f"run lumpwatch train CONFIG VIDEO LABELS --camera {camera.id} --roi {roi.id}"
                 )
             note = f"version {found.prior.version}" if found.prior else "none: stated defaults"

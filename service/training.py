@@ -13,13 +13,11 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import density
 from models.births import polygon_births
 from models.learning import (
     HistogramFit,
-    LabelledView,
     Learned,
     LumpFit,
     MotionFit,
@@ -31,19 +29,16 @@ from models.learning import (
     samples,
 )
 from models.learning.motion import Law, ModelSpec
+from models.motion_prior import CellVelocities
 from models.profile import RowProfile, learn_profile
-from models.roi import Roi, make_roi
-from models.state import H, W, X, Y, blank
+from models.roi import Roi
 from models.switching import joint_probabilities
 from service.config.cameras import RoiConfig
 from service.config.detector import HistogramConfig, JdtConfig
-from service.errors import LumpwatchError
+from service.footage import Footage, TrainingError, read_footage
 from service.frames import Frame
 from service.labels import Box, LabelError, check_frames
-from service.planes import working_colour, working_luma
 
-MOST_VIEWS = 900
-"""Working pictures that are kept for fitting the likelihood (a 320 x 240 one takes 75 kB)."""
 SMOOTHING_S = 0.14
 """Half length of the window over which positions are smoothed, for laws without a bounce."""
 LEAST_SPREAD_H_S = 0.01
@@ -62,11 +57,9 @@ _LAWS: dict[str, Law] = {
     "bounce_x": "bounce_x",
     "bounce_y": "bounce_y",
     "bounce": "bounce",
+    "free_acceleration": "free",
+    "motion_prior": "given",
 }
-
-
-class TrainingError(LumpwatchError):
-    """The footage does not teach what is needed; the text says what is missing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +87,7 @@ def train(
 ) -> Trained:
     """Learn one ROI. `advance` is told the number of frames read. Raises LumpwatchError."""
     config = roi.detector
-    footage = _read(roi, frames, boxes, advance)
+    footage = read_footage(roi, frames, boxes, advance)
     check_frames(boxes, footage.count, labels_path, video)
     tracks = _tracks(config, footage.roi, boxes, labels_path)
     height = float(footage.roi.shape[0])
@@ -108,7 +101,8 @@ def train(
     motion = fit_motion(steps, _specs(config, height), LEAST_SPREAD_H_S * height)
     profile = learn_profile(steps.states, height)
     fit = _fit_likelihood(config, footage, profile, labels_path)
-    learned = _learned(config, steps, motion, profile, fit, height, len(tracks))
+    cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
+    learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
     return Trained(
         learned,
         steps,
@@ -118,63 +112,6 @@ def train(
         footage.count,
         _warnings(config, motion, len(tracks)),
     )
-
-
-@dataclass(slots=True)
-class _Footage:
-    """What is kept of the video."""
-
-    roi: Roi
-    views: list[LabelledView]
-    interval_s: float
-    count: int
-    width: int
-    height: int
-
-
-def _read(
-    roi: RoiConfig, frames: Iterable[Frame], boxes: Sequence[Box], advance: Callable[[int], None]
-) -> _Footage:
-    """Read the video once, keeping a thinned-out set of working pictures and all capture times."""
-    by_frame: dict[int, list[Box]] = {}
-    for box in boxes:
-        by_frame.setdefault(box.frame, []).append(box)
-    geometry: Roi | None = None
-    views: list[LabelledView] = []
-    times: list[float] = []
-    stride, size = 1, (0, 0)
-    for frame in frames:
-        if geometry is None:
-            size = (frame.width, frame.height)
-            try:
-                geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
-            except ValueError as error:
-                raise TrainingError(f"roi {roi.id}: {error}") from error
-        if len(times) % stride == 0:
-            objects = _objects(geometry, by_frame.get(len(times) + 1, ()))
-            gray = working_luma(frame, geometry)
-            colour = working_colour(frame, geometry) if roi.detector.needs_colour else None
-            views.append(LabelledView(geometry.view(gray, colour), objects))
-            if len(views) > MOST_VIEWS:
-                views, stride = views[::2], stride * 2
-        times.append(frame.capture_s)
-        advance(len(times))
-    if geometry is None or len(times) < 2:
-        raise TrainingError("the video has fewer than two frames")
-    interval = float(np.median(np.diff(times)))
-    if not interval > 0:
-        raise TrainingError("the video's frames carry no advancing time stamps")
-    return _Footage(geometry, views, interval, len(times), *size)
-
-
-def _objects(roi: Roi, boxes: Sequence[Box]) -> NDArray[np.float64]:
-    """States of the labelled boxes whose centre lies in the region's bounding box."""
-    states = blank(len(boxes))
-    if boxes:
-        states[:, [X, Y, W, H]] = roi.to_working(np.array([[b.x, b.y, b.w, b.h] for b in boxes]))
-    h, w = roi.shape
-    inside = (states[:, X] >= 0) & (states[:, X] < w) & (states[:, Y] >= 0) & (states[:, Y] < h)
-    return states[inside]
 
 
 def _tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:
@@ -203,12 +140,12 @@ def _specs(config: JdtConfig, height: float) -> list[ModelSpec]:
     for model in config.models:
         rate = model.acceleration_h_s2
         scaled = None if rate is None else (rate[0] * height, rate[1] * height)
-        specs.append(ModelSpec(_LAWS[model.kind], scaled))
+        specs.append(ModelSpec(_LAWS.get(model.kind, "given"), scaled))
     return specs
 
 
 def _fit_likelihood(
-    config: JdtConfig, footage: _Footage, profile: RowProfile, path: Path
+    config: JdtConfig, footage: Footage, profile: RowProfile, path: Path
 ) -> LumpFit | HistogramFit:
     rng = np.random.default_rng(config.seed)
     births = polygon_births(footage.roi.mask, profile, np.ones(1))
@@ -228,11 +165,14 @@ def _learned(
     fit: LumpFit | HistogramFit,
     height: float,
     tracks: int,
+    cells: CellVelocities | None,
 ) -> Learned:
     models = len(config.models)
     follows = ~steps.starts
     following = motion.labels[follows]
     previous = motion.labels[np.flatnonzero(follows) - 1]
+    # Eq. 9 moves x_t by alpha_{t-1}: there alpha_t is the model of the step that comes next.
+    shifted = config.order == "state_first"
     counts = np.bincount(motion.labels, minlength=models)
     momentary = np.array([model.kind.startswith("bounce") for model in config.models])
     births = np.where(momentary & ~momentary.all(), 0.0, counts / counts.sum() + _LEAST_BIRTH)
@@ -244,15 +184,17 @@ def _learned(
         joint=joint_probabilities(previous, following, models),
         interval_s=steps.interval_s,
         density=density.learn(
-            steps.states,
-            motion.labels,
+            steps.states[:-1][follows[1:]] if shifted else steps.states,
+            following if shifted else motion.labels,
             models,
             density.COMPONENTS[config.switch_on],
             LEAST_BANDWIDTH_H * height,
+            config.bandwidth,
         ).scaled(1.0 / height),
         births=births / births.sum(),
         profile=profile.scaled(1.0 / height),
         likelihood=fit,
+        cells=cells,
         label_counts=counts.astype(np.int64),
         tracks=tracks,
     )

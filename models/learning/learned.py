@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from models.density import GridDensity
 from models.likelihood.histogram import Channel
+from models.motion_prior import CellVelocities
 from models.profile import RowProfile
 
 
@@ -60,3 +61,5 @@ class Learned:
     """Training steps of each model (M,)."""
     tracks: int
     """Labelled objects that were used."""
+    cells: CellVelocities | None = None
+    """Velocities by place, where a motion prior is among the models; lengths in ROI heights."""

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from models.learning.tracks import Samples
 from models.state import VX, VY
 
-Law = Literal["still", "walk", "velocity", "rate", "free", "bounce_x", "bounce_y", "bounce"]
+Law = Literal["still", "walk", "velocity", "rate", "free", "bounce_x", "bounce_y", "bounce", "given"]
+"""How a model predicts the next velocity; `given` steps are known from the labels file only."""
 _STAY = 0.95
 _ROUNDS = 30
 
@@ -75,7 +76,7 @@ def _predicted(samples: Samples, spec: ModelSpec, rate: NDArray[np.float64]) -> 
     match spec.law:
         case "still" | "walk":
             return np.zeros_like(before)
-        case "velocity":
+        case "velocity" | "given":
             return before
         case "rate":
             return before + rate * samples.interval_s
@@ -183,6 +184,7 @@ def _viterbi(
         transition[m, m] = 1e-6
     log_transition = np.log(transition)
     evidence = log_density.copy()
+    evidence[:, [m for m, spec in enumerate(specs) if spec.law == "given"]] = -1e6
     known = samples.given >= 0
     evidence[known] = -1e9
     evidence[known, samples.given[known]] = 0.0

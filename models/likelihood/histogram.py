@@ -102,7 +102,7 @@ def histogram(integral: NDArray[np.uint64], state: NDArray[np.float64]) -> NDArr
     """Histogram (16,) of one state's box, summing to 1; zeros for an empty box."""
     box = box_edges(state, 1.0, integral.shape[1] - 1, integral.shape[0] - 1)
     counts = np.zeros(BINS, np.uint32)
-    _count(integral, box, counts)
+    _count(integral, *box, counts)
     return counts / max(counts.sum(), 1.0)
 
 
@@ -134,14 +134,10 @@ def _count_small(integral, x0, y0, x1, y1, counts):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def _count(integral, box, counts):  # type: ignore[no-untyped-def]
-    """Write the counts (16,) of a box."""
-    x0, y0, x1, y1 = box
-    if (x1 - x0) * (y1 - y0) <= _MOST:
-        _count_small(integral, x0, y0, x1, y1, counts)
-        return
+def _count(integral, x0, y0, x1, y1, counts):  # type: ignore[no-untyped-def]
+    """Write the counts (16,) of a box of any size, strip by strip."""
     part = np.empty_like(counts)
-    rows = _MOST // (x1 - x0)
+    rows = _MOST // max(x1 - x0, 1)
     counts[:] = 0
     for y in range(y0, y1, rows):
         _count_small(integral, x0, y, x1, min(y + rows, y1), part)
@@ -151,15 +147,18 @@ def _count(integral, box, counts):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _counts(integral, inside, states, least_inside):  # type: ignore[no-untyped-def]
     """Histograms (n, 16) of the boxes and their areas (n,); no counts where a box leaves the polygon."""
-    counts = np.empty((len(states), 16), np.uint32)
-    area = np.ones(len(states))
-    for i in range(len(states)):
-        box, share = box_inside(inside, states[i])
-        if share >= least_inside:
-            _count(integral, box, counts[i])
-            area[i] = max((box[2] - box[0]) * (box[3] - box[1]), 1)
-        else:
-            counts[i] = 0
+    n = len(states)
+    boxes, area, counts = np.zeros((n, 4), np.intp), np.ones(n), np.empty((n, 16), np.uint32)
+    for i in range(n):
+        (x0, y0, x1, y1), share = box_inside(inside, states[i])
+        if share >= least_inside and x1 > x0 and y1 > y0:
+            boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = x0, y0, x1, y1
+            area[i] = (x1 - x0) * (y1 - y0)
+    # A loop of its own, so short that the processor fetches the corners of several boxes at once.
+    for i in range(n):
+        _count_small(integral, boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], counts[i])
+    for i in np.flatnonzero(area > _MOST):
+        _count(integral, boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], counts[i])
     return counts, area
 
 

@@ -7,13 +7,14 @@ gathers in one second.
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from service.config.base import Id, Positive, PositiveSeconds, Probability, Strict
 
-MotionKind = Literal[
+MOTION_KINDS = (
     "constant_position",
     "random_walk",
     "constant_velocity",
@@ -21,6 +22,22 @@ MotionKind = Literal[
     "bounce_x",
     "bounce_y",
     "bounce",
+    "free_acceleration",
+    "motion_prior",
+)
+_OWN_KIND = r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$"
+
+
+def _known(kind: str) -> str:
+    if kind not in MOTION_KINDS and not re.match(_OWN_KIND, kind):
+        raise ValueError(f"'{kind}' is neither package.module:Class nor one of {', '.join(MOTION_KINDS)}")
+    return kind
+
+
+MotionKind = Annotated[
+    str,
+    AfterValidator(_known),
+    WithJsonSchema({"anyOf": [{"enum": list(MOTION_KINDS)}, {"type": "string", "pattern": _OWN_KIND}]}),
 ]
 
 
@@ -30,19 +47,32 @@ class MotionConfig(Strict):
     name: Id
     """Name by which states, metrics and labels speak of the model."""
     kind: MotionKind
-    """The law of motion."""
+    """The law of motion; or `package.module:Class` for one of your own, see docs/models.md."""
+    parameters: dict[str, float] = Field(default_factory=dict)
+    """What the constructor of your own model takes beside `name` and `height`."""
     acceleration_h_s2: tuple[float, float] | None = None
     """Rate (x, y) of constant_acceleration, ROI heights per second squared; left out: learned or default."""
     position_noise_h: Positive | None = None
     """Spread of the position that gathers in one second (constant_position, random_walk)."""
     velocity_noise_h_s: Positive | None = None
     """Spread of the velocity that gathers in one second (all models with a velocity)."""
+    acceleration_noise_h_s2: Positive | None = None
+    """Spread of the acceleration that gathers in one second (free_acceleration)."""
+
+    @property
+    def custom(self) -> bool:
+        """Whether the model is the user's own."""
+        return ":" in self.kind
 
     @model_validator(mode="after")
     def _fits_kind(self) -> Self:
         still = self.kind in ("constant_position", "random_walk")
         if self.acceleration_h_s2 is not None and self.kind != "constant_acceleration":
             raise ValueError(f"acceleration_h_s2 belongs to constant_acceleration, not to {self.kind}")
+        if self.parameters and not self.custom:
+            raise ValueError(f"parameters belong to a model of your own, not to {self.kind}")
+        if self.acceleration_noise_h_s2 is not None and self.kind != "free_acceleration":
+            raise ValueError(f"acceleration_noise_h_s2 belongs to free_acceleration, not to {self.kind}")
         if self.velocity_noise_h_s is not None and still:
             raise ValueError(f"velocity_noise_h_s does not belong to {self.kind}; use position_noise_h")
         if self.position_noise_h is not None and not still:
@@ -119,6 +149,8 @@ class JdtConfig(Strict):
     """Whether the next model depends on where the object is (Eq. 12) or on the last model only (Eq. 10)."""
     switch_on: Literal["row", "column", "position", "vertical_velocity"] = "row"
     """What of the state the learned densities of adaptive switching look at."""
+    bandwidth: Literal["scott", "silverman", "likelihood"] = "scott"
+    """How `train` chooses the width of the densities' kernels: a rule, or leave-one-out likelihood."""
     order: Literal["model_first", "state_first"] = "model_first"
     """Draw the new model and move by it, or move by the last model as Eq. 9 has it literally."""
     form: Literal["marginal", "sampled"] = "marginal"

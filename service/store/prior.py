@@ -24,6 +24,7 @@ from models.density import COMPONENTS, GridDensity
 from models.learning.learned import HistogramFit, Learned, LumpFit
 from models.likelihood.histogram import BINS
 from models.likelihood.lump import FEATURES
+from models.motion_prior import VELOCITY_BINS, CellVelocities
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
 from service.errors import LumpwatchError
@@ -117,6 +118,9 @@ def encode(prior: Prior) -> bytes:
         }
     else:
         arrays |= {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
+    if learned.cells is not None:
+        arrays["cells"] = learned.cells.counts
+        arrays["cells_scale"] = np.array([learned.cells.cell, learned.cells.fastest])
     buffer = io.BytesIO()
     text = np.frombuffer(json.dumps(meta, sort_keys=True).encode(), dtype=np.uint8)
     np.savez(buffer, allow_pickle=False, meta=text, **arrays)
@@ -158,6 +162,18 @@ def _body(content: bytes, name: str) -> bytes:
     if hashlib.sha256(body).hexdigest().encode() != words[2]:
         raise PriorError(f"{name}: is corrupt (its checksum does not match)")
     return body
+
+
+def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
+    if "cells" not in arrays:
+        return None
+    counts = arrays["cells"]
+    if counts.ndim != 4 or 0 in counts.shape or counts.shape[2:] != (VELOCITY_BINS, VELOCITY_BINS):
+        raise ValueError("cells have another shape")
+    cell, fastest = arrays["cells_scale"]
+    if not (cell > 0 and fastest > 0):
+        raise ValueError("cells have no size")
+    return CellVelocities(float(cell), float(fastest), counts)
 
 
 def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
@@ -213,6 +229,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         births=arrays["births"],
         profile=RowProfile(float(first), float(step), arrays["profile_mean"], arrays["profile_spread"]),
         likelihood=fit,
+        cells=_cells(arrays),
         label_counts=arrays["label_counts"],
         tracks=int(meta["tracks"]),
     )

@@ -9,7 +9,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import gaussian_kde
 
-from models.density import COMPONENTS, GridDensity, kernel_sum, learn, scott
+from models.density import (
+    COMPONENTS,
+    GridDensity,
+    bandwidth_of,
+    kernel_sum,
+    learn,
+    leave_one_out,
+    scott,
+)
 from models.state import SIZE, VY, States, X, Y
 from tests.models.helpers import level_density
 
@@ -175,3 +183,27 @@ def test_errors() -> None:
     for least in (0.0, -1.0):
         with pytest.raises(ValueError, match="least_bandwidth"):
             learn(np.zeros((3, SIZE)), np.zeros(3, np.intp), 2, (Y,), least)
+
+
+def test_bandwidth_rules_by_hand() -> None:
+    """Four samples with standard deviation 2: Scott 2 * 4^(-1/5), Silverman (4/3)^(1/5) times that."""
+    samples = np.array([[-np.sqrt(3.0)], [-np.sqrt(3.0)], [np.sqrt(3.0)], [np.sqrt(3.0)]])
+    by_scott = 2.0 * 4 ** (-0.2)
+    assert bandwidth_of(samples, "scott", 0.01) == pytest.approx([by_scott])
+    assert bandwidth_of(samples, "silverman", 0.01) == pytest.approx([by_scott * (4 / 3) ** 0.2])
+    assert bandwidth_of(samples, "silverman", 9.0) == pytest.approx([9.0])
+
+
+def test_leave_one_out_against_brute_force() -> None:
+    samples = np.random.default_rng(0).normal(size=(20, 2)) * [1.0, 3.0]
+    width = np.array([0.5, 1.0])
+    others = [kernel_sum(samples[i : i + 1], np.delete(samples, i, axis=0), width)[0] for i in range(20)]
+    assert leave_one_out(samples, width) == pytest.approx(np.mean(np.log(others)))
+
+
+def test_likelihood_narrows_the_kernels_of_two_far_clusters() -> None:
+    """Two clusters of spread 1, 100 apart: Scott's rule sees one wide cloud, the likelihood does not."""
+    rng = np.random.default_rng(1)
+    samples = np.concatenate([rng.normal(0, 1, (50, 1)), rng.normal(100, 1, (50, 1))])
+    assert bandwidth_of(samples, "scott", 0.01)[0] > 15
+    assert bandwidth_of(samples, "likelihood", 0.01)[0] < 3

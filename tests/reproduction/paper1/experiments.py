@@ -9,7 +9,7 @@ from tests.reproduction.paper1.methods import Experiment
 from tests.reproduction.paper1.scenes import bouncing_square, juggling, slide, table_tennis
 
 LEVELS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-SQUARE_CLEAN, SQUARE_NOISY = 8.0, 42.0
+SQUARE_CLEAN, SQUARE_NOISY = 8.0, 43.0
 
 SQUARE = Experiment(
     key="square_clean",
@@ -34,7 +34,8 @@ NOISY_SQUARE = Experiment(
 PING_PONG = Experiment(
     key="ping_pong",
     title="Ping-pong (4.1)",
-    scene=partial(table_tennis, noise=20.0),
+    scene=partial(table_tennis, noise=40.0),
+    evidence=0.45,
     kinds=("constant_velocity", "bounce_y", "bounce_x"),
     names=("velocity", "bounce y", "bounce x"),
     component="position",
@@ -44,7 +45,7 @@ PING_PONG = Experiment(
 JUGGLING = Experiment(
     key="juggling",
     title="Football juggling (4.2), generated",
-    scene=partial(juggling, noise=35.0),
+    scene=partial(juggling, noise=42.0),
     kinds=("constant_acceleration", "bounce_y"),
     names=("acceleration", "bounce y"),
     component="vertical_velocity",
@@ -54,8 +55,8 @@ JUGGLING = Experiment(
 FOOTBALL = Experiment(
     key="football",
     title="Football juggling (4.2), real footage",
-    scene=partial(football, noise=20.0, training=False),
-    training_scene=partial(football, noise=20.0, training=True),
+    scene=partial(football, noise=10.0, training=False),
+    training_scene=partial(football, noise=10.0, training=True),
     needs_footage=True,
     kinds=JUGGLING.kinds,
     names=JUGGLING.names,
@@ -63,11 +64,13 @@ FOOTBALL = Experiment(
     singles=JUGGLING.singles,
     levels=LEVELS,
     likelihood="colour",
+    evidence=0.3,
+    bound=3.0,
 )
 SLIDE = Experiment(
     key="slide",
     title="Slide (4.3)",
-    scene=partial(slide, noise=35.0),
+    scene=partial(slide, noise=56.0),
     kinds=("constant_acceleration", "random_walk"),
     names=("acceleration", "random walk"),
     component="row",
@@ -85,7 +88,7 @@ LUMP = Experiment(
     singles=("constant_acceleration", "constant_velocity", "constant_position"),
     levels=LEVELS,
     likelihood="lump",
-    evidence=0.25,
+    evidence=0.5,
     bound=3.0,
     training_seeds=tuple(range(1000, 1008)),
 )

@@ -40,6 +40,7 @@ from models.profile import RowProfile, learn_profile
 from models.roi import Roi, make_roi
 from models.state import H, W, X, Y, blank
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional, joint_probabilities
+from tests.reproduction.paper1 import bandwidth
 from tests.reproduction.paper1.scenes import Scene
 
 Kind = Literal[
@@ -184,7 +185,9 @@ def labelled_views(scene: Scene, roi: Roi, most: int = 100) -> list[LabelledView
     boxes, views = working_boxes(scene, roi), []
     for i in np.unique(np.linspace(0, len(boxes) - 1, min(most, len(boxes))).astype(int)):
         picture = scene.pictures[i]
-        gray, colour = (picture, None) if picture.ndim == 2 else (cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), picture)
+        gray, colour = (
+            (picture, None) if picture.ndim == 2 else (cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), picture)
+        )
         objects = blank(0 if np.isnan(boxes[i, 0]) else 1)
         if len(objects):
             objects[0, [X, Y, W, H]] = boxes[i]
@@ -212,7 +215,7 @@ def learn_motions(experiment: Experiment, method: Method, knowledge: Knowledge) 
     births = np.where(momentary, 0.0, np.bincount(labels, minlength=count) / len(labels) + 0.05)
     if method.order == "state_first":
         states, labels = states[follows - 1], labels[follows]
-    densities = density.learn(
+    densities = bandwidth.learn(
         states, labels, count, density.COMPONENTS[experiment.component], LEAST_BANDWIDTH_SHARE * height
     )
     noises = motion.spreads / motion.spreads.min()

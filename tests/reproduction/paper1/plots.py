@@ -48,7 +48,9 @@ def frame(axes: Axes, result: Result) -> None:
         axes.imshow(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB))
     x, y, w, h = scene.boxes[chosen]
     axes.plot(scene.boxes[there, 0], scene.boxes[there, 1], ".", color="cyan", markersize=2, alpha=0.6)
-    axes.add_patch(matplotlib.patches.Rectangle((x - w / 2, y - h / 2), w, h, fill=False, color="yellow", lw=1.5))
+    axes.add_patch(
+        matplotlib.patches.Rectangle((x - w / 2, y - h / 2), w, h, fill=False, color="yellow", lw=1.5)
+    )
     axes.set_title(f"frame {chosen} and the whole path", fontsize=10)
     axes.set_xticks([])
     axes.set_yticks([])
@@ -91,7 +93,9 @@ def maps(figure: Figure, cells: list[Axes], result: Result) -> None:
     density = _motions(result).densities.at(values)
     rows = _predicted(result, values)
     fixed = _motions(result).matrix[0]
-    panels = [(density[:, m], f"density: {name}", None) for m, name in enumerate(experiment.names)]
+    panels: list[tuple[NDArray[np.float64], str, float | None]] = [
+        (density[:, m], f"density: {name}", None) for m, name in enumerate(experiment.names)
+    ]
     panels += [
         (rows[:, m], f"P({experiment.names[m]} | x, {experiment.names[0]}); fixed: {fixed[m]:.3f}", 1.0)
         for m in range(1, len(experiment.names))
@@ -113,7 +117,7 @@ def existence(axes: Axes, result: Result) -> None:
     axes.axvspan(there[0], there[-1] + 1, color="0.93")
     for k in np.flatnonzero(scene.labels > 0):
         if scene.labels[k - 1] != scene.labels[k]:
-            axes.axvline(k, color="0.75", lw=0.8)
+            axes.axvline(float(k), color="0.75", lw=0.8)
     axes.axhline(0.5, color="0.5", linestyle=":")
     colours = iter(("tab:orange", "tab:green", "tab:purple", "tab:brown", "tab:pink"))
     for outcome in result.outcomes:
@@ -128,7 +132,9 @@ def existence(axes: Axes, result: Result) -> None:
             label=outcome.method.name,
         )
     seed = result.prepared.experiment.test_seeds[0]
-    axes.set_title(f"existence probability, test seed {seed} (grey: object there; lines: change of model)", fontsize=10)
+    axes.set_title(
+        f"existence probability, test seed {seed} (grey: object there; lines: change of model)", fontsize=10
+    )
     axes.set_xlabel("frame")
     axes.set_ylim(-0.03, 1.03)
     axes.set_xlim(0, len(scene.pictures))
@@ -168,6 +174,8 @@ def _line(result: Result) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def _predicted(result: Result, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rows of Eq. 12 after the first model (n, M)."""
     prepared, outcome = result.prepared, result.outcomes[0]
-    jdt = make_filter(prepared.experiment, outcome.method, prepared.knowledge, _motions(result), outcome.level)
+    jdt = make_filter(
+        prepared.experiment, outcome.method, prepared.knowledge, _motions(result), outcome.level
+    )
     labels = np.zeros(len(values), dtype=np.intp)
     return jdt.switching.rows(values, labels, prepared.knowledge.steps.interval_s)[0]

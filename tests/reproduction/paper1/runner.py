@@ -67,7 +67,7 @@ def play(experiment: Experiment, pool: Executor) -> Result:
     """Learn on the training scenes, choose levels there, and run on the test scenes."""
     prepared = prepare(experiment)
     methods, levels = experiment.methods, experiment.levels
-    every = [[level for level in levels] for _ in methods]
+    every = [list(levels) for _ in methods]
     tried = list(pool.map(_trial, *_tasks(prepared, experiment.training_seeds, True, every)))
     # (seeds, methods, levels)
     net = np.array([[[m.detected - m.false_alarms for m, _ in row] for row in trial] for trial in tried])

@@ -38,7 +38,10 @@ class Scene:
 
 
 def with_empty(
-    path: Sequence[tuple[float, float]], labels: Sequence[int], size: tuple[float, float], empty: tuple[int, int]
+    path: Sequence[tuple[float, float]],
+    labels: Sequence[int],
+    size: tuple[float, float],
+    empty: tuple[int, int],
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Boxes and labels of a path, with empty frames before and after it."""
     n = len(path)
@@ -50,10 +53,12 @@ def with_empty(
     return boxes, known
 
 
-def cloudy(rng: np.random.Generator, shape: tuple[int, int], blur: float, spread: float) -> NDArray[np.float64]:
+def cloudy(
+    rng: np.random.Generator, shape: tuple[int, int], blur: float, spread: float
+) -> NDArray[np.float64]:
     """Smooth random texture of mean 0 and standard deviation `spread`."""
-    texture = np.asarray(cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), blur))
-    return (texture - texture.mean()) * (spread / texture.std())
+    texture = np.asarray(cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), blur), dtype=np.float64)
+    return np.asarray((texture - texture.mean()) * (spread / texture.std()))
 
 
 def noisy(picture: NDArray[np.float64], noise: float, rng: np.random.Generator) -> Image:
@@ -118,12 +123,14 @@ def table_tennis(seed: int, noise: float, frames: int = 200, empty: tuple[int, i
     rng = np.random.default_rng([seed, 2])
     path, labels = _rally(rng, frames)
     boxes, known = with_empty(path, labels, (BALL_SIZE, BALL_SIZE), empty)
-    h, w = TABLE_SHAPE
+    w = TABLE_SHAPE[1]
     backdrop = 105.0 + cloudy(rng, TABLE_SHAPE, 2.5, 12.0)
     backdrop[int(TABLE_ROW) + 5 : int(TABLE_ROW) + 12, int(TABLE_ENDS[0]) : int(TABLE_ENDS[1])] -= 45.0
     backdrop[int(TABLE_ROW) - 6 : int(TABLE_ROW) + 5, w // 2 - 1 : w // 2 + 2] -= 30.0
     for bat in BATS:
-        backdrop[70:, int(bat - 28 if bat < w / 2 else bat + 8) : int(bat - 8 if bat < w / 2 else bat + 28)] -= 35.0
+        backdrop[
+            70:, int(bat - 28 if bat < w / 2 else bat + 8) : int(bat - 8 if bat < w / 2 else bat + 28)
+        ] -= 35.0
     disc = np.zeros((BALL_SIZE, BALL_SIZE))
     cv2.ellipse(disc, (BALL_SIZE // 2, BALL_SIZE // 2), (BALL_SIZE // 2, BALL_SIZE // 2), 0, 0, 360, 1.0, -1)
     return _filmed(backdrop, boxes, known, np.full(disc.shape, 195.0), disc, noise, TABLE_INTERVAL_S, rng)
@@ -150,9 +157,7 @@ def _rally(rng: np.random.Generator, frames: int) -> tuple[list[tuple[float, flo
     return path, labels
 
 
-def _return(
-    rng: np.random.Generator, x: float, y: float, side: int, gravity: float
-) -> tuple[float, float]:
+def _return(rng: np.random.Generator, x: float, y: float, side: int, gravity: float) -> tuple[float, float]:
     """Velocity off the bat that lands the ball on the far part of the table."""
     speed = rng.uniform(270.0, 330.0)
     target = 0.5 * sum(TABLE_ENDS) + side * rng.uniform(45.0, 75.0)
@@ -191,7 +196,10 @@ def juggling(seed: int, noise: float, frames: int = 125, empty: tuple[int, int] 
     for _ in range(frames - 1):
         kicked = y + vy > FOOT_ROW + rng.normal(0.0, 2.0)
         if kicked:
-            vx, vy = rng.normal((110.0 - x) / 15.0, 0.6), -float(np.clip(vy * rng.normal(0.97, 0.08), 8.0, 13.0))
+            vx, vy = (
+                rng.normal((110.0 - x) / 15.0, 0.6),
+                -float(np.clip(vy * rng.normal(0.97, 0.08), 8.0, 13.0)),
+            )
         else:
             vy += gravity
         x, y = x + vx, y + vy

@@ -1,0 +1,117 @@
+"""What training keeps of a video: working pictures with their labels, and the flow of what moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.learning import LabelledView
+from models.motion_prior import CellVelocities, flow_vectors, learn_cells
+from models.roi import Image, Roi, make_roi
+from models.state import H, W, X, Y, blank
+from service.config.cameras import RoiConfig
+from service.errors import LumpwatchError
+from service.frames import Frame
+from service.labels import Box
+from service.planes import working_colour, working_luma
+
+MOST_VIEWS = 900
+"""Working pictures that are kept for fitting the likelihood (a 320 x 240 one takes 75 kB)."""
+_MOST_FLOW = 200_000
+_LEAST_FLOW_H_S = 0.01
+
+
+class TrainingError(LumpwatchError):
+    """The footage does not teach what is needed; the text says what is missing."""
+
+
+@dataclass(slots=True)
+class Footage:
+    """What is kept of the video."""
+
+    roi: Roi
+    views: list[LabelledView]
+    interval_s: float
+    count: int
+    width: int
+    height: int
+    cells: CellVelocities | None
+
+
+def read_footage(
+    roi: RoiConfig, frames: Iterable[Frame], boxes: Sequence[Box], advance: Callable[[int], None]
+) -> Footage:
+    """Read the video once, keeping a thinned-out set of working pictures and all capture times."""
+    by_frame: dict[int, list[Box]] = {}
+    for box in boxes:
+        by_frame.setdefault(box.frame, []).append(box)
+    geometry: Roi | None = None
+    views: list[LabelledView] = []
+    times: list[float] = []
+    stride, size = 1, (0, 0)
+    flow = _Flow() if any(model.kind == "motion_prior" for model in roi.detector.models) else None
+    for frame in frames:
+        if geometry is None:
+            size = (frame.width, frame.height)
+            try:
+                geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
+            except ValueError as error:
+                raise TrainingError(f"roi {roi.id}: {error}") from error
+        if len(times) % stride == 0:
+            objects = _objects(geometry, by_frame.get(len(times) + 1, ()))
+            gray = working_luma(frame, geometry)
+            colour = working_colour(frame, geometry) if roi.detector.needs_colour else None
+            views.append(LabelledView(geometry.view(gray, colour), objects))
+            if len(views) > MOST_VIEWS:
+                views, stride = views[::2], stride * 2
+        if flow is not None:
+            flow.add(working_luma(frame, geometry), frame.capture_s)
+        times.append(frame.capture_s)
+        advance(len(times))
+    if geometry is None or len(times) < 2:
+        raise TrainingError("the video has fewer than two frames")
+    interval = float(np.median(np.diff(times)))
+    if not interval > 0:
+        raise TrainingError("the video's frames carry no advancing time stamps")
+    cells = None if flow is None else flow.learn(geometry.shape)
+    return Footage(geometry, views, interval, len(times), *size, cells)
+
+
+class _Flow:
+    """Gathers the optical flow of everything that moves."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Image, float] | None = None
+        self._positions: list[NDArray[np.float64]] = []
+        self._velocities: list[NDArray[np.float64]] = []
+        self._kept = 0
+
+    def add(self, gray: Image, time_s: float) -> None:
+        """The next working picture."""
+        if self._last is not None and time_s > self._last[1] and self._kept < _MOST_FLOW:
+            positions, velocities = flow_vectors(self._last[0], gray, time_s - self._last[1])
+            moving = np.hypot(velocities[:, 0], velocities[:, 1]) > _LEAST_FLOW_H_S * gray.shape[0]
+            self._positions.append(positions[moving])
+            self._velocities.append(velocities[moving])
+            self._kept += int(moving.sum())
+        self._last = (gray, time_s)
+
+    def learn(self, shape: tuple[int, int]) -> CellVelocities:
+        """The motion prior; raises TrainingError where nothing moved."""
+        try:
+            return learn_cells(np.concatenate(self._positions), np.concatenate(self._velocities), shape)
+        except ValueError as error:
+            raise TrainingError(f"motion prior: {error}") from error
+
+
+def _objects(roi: Roi, boxes: Sequence[Box]) -> NDArray[np.float64]:
+    """States of the labelled boxes whose centre lies in the region's bounding box."""
+    states = blank(len(boxes))
+    if boxes:
+        states[:, [X, Y, W, H]] = roi.to_working(np.array([[b.x, b.y, b.w, b.h] for b in boxes]))
+    h, w = roi.shape
+    inside = (states[:, X] >= 0) & (states[:, X] < w) & (states[:, Y] >= 0) & (states[:, Y] < h)
+    return states[inside]
