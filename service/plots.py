@@ -66,7 +66,8 @@ class ExistenceCurves:
             panel.plot(times, self._existence[roi], color="tab:blue", lw=1.2, label="P(lump exists)")
             panel.axhline(0.5, color="0.6", lw=0.8, ls=":")
             panel.set(ylim=(-0.02, 1.02), ylabel="existence", title=roi)
-        panels[0].legend(loc="upper right")
+        handles, names = panels[0].get_legend_handles_labels()
+        fig.legend(handles, names, loc="outside upper right", ncols=2)
         panels[-1].set_xlabel("time (s)")
         save(fig, path)
 

@@ -31,7 +31,7 @@ Channel = Literal["luma", "colour"]
 _WORDS = 4
 """Words of a pixel in the integral histogram."""
 _ONES = np.zeros((BINS, _WORDS), np.uint64)
-_ONES[np.arange(BINS), np.arange(BINS) // 4] = np.uint64(1) << np.arange(0, 16 * BINS, 16, np.uint64) % 64
+_ONES[np.arange(BINS), np.arange(BINS) // 4] = [1 << 16 * (b % 4) for b in range(BINS)]
 """What one pixel adds to the words."""
 _MOST = 65535
 _GRAY_BINS = 4
@@ -157,8 +157,9 @@ def _counts(integral, inside, states, least_inside):  # type: ignore[no-untyped-
     # A loop of its own, so short that the processor fetches the corners of several boxes at once.
     for i in range(n):
         _count_small(integral, boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], counts[i])
-    for i in np.flatnonzero(area > _MOST):
-        _count(integral, boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], counts[i])
+    for large in np.flatnonzero(area > _MOST):
+        box = boxes[large]
+        _count(integral, box[0], box[1], box[2], box[3], counts[large])
     return counts, area
 
 

@@ -81,14 +81,7 @@ class LumpObservation:
         """The untempered logit (n,); -inf for a box that leaves the polygon."""
         model = self.likelihood
         return _scores(
-            self.sums,
-            self.inside,
-            states,
-            LEAST_INSIDE,
-            model.mean,
-            1.0 / model.scale,
-            model.weights,
-            model.offset,
+            self.sums, self.inside, states, LEAST_INSIDE, model.mean, model.scale, model.weights, model.offset
         )
 
     def log_ratio(self, states: States) -> NDArray[np.float64]:
@@ -139,19 +132,9 @@ def _sums_of(sums, box):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _weakest_side(sums, box, ring, mean_in, brighter):  # type: ignore[no-untyped-def]
-    """Least difference of brightness between the inside and a side of the ring; 0 where no side is seen."""
-    left, right = (ring[0], box[1], box[0], box[3]), (box[2], box[1], ring[2], box[3])
-    above, below = (box[0], ring[1], box[2], box[1]), (box[0], box[3], box[2], ring[3])
-    darkest, brightest = np.inf, -np.inf
-    for side in (left, right, above, below):
-        area = (side[2] - side[0]) * (side[3] - side[1])
-        if area > 0:
-            brightness = float(_difference(sums, side, 0) >> _UPPER) / area
-            darkest, brightest = min(darkest, brightness), max(brightest, brightness)
-    if darkest > brightest:
-        return 0.0
-    return mean_in - brightest if brighter else darkest - mean_in
+def _brightness(sums, box):  # type: ignore[no-untyped-def]
+    """Mean brightness of a box that is not empty."""
+    return float(_difference(sums, box, 0) >> _UPPER) / ((box[2] - box[0]) * (box[3] - box[1]))
 
 
 @njit(cache=True)
@@ -168,19 +151,26 @@ def _measure(sums, inside, state, least_inside, out):  # type: ignore[no-untyped
     b_box, s_box, g_box, n_box = _sums_of(sums, box)
     b_ring, s_ring, g_ring, n_ring = _sums_of(sums, ring)
     _, _, g_band, n_band = _sums_of(sums, box_edges(state, _BAND, width, height))
-    # Inverses, because divisions are what this kernel waits for.
-    per_in, per_ring = 1.0 / max(n_in, 1.0), 1.0 / max(n_ring - n_box, 1.0)
-    mean_in, mean_ring = b_in * per_in, (b_ring - b_box) * per_ring
-    spread_in = np.sqrt(max(s_in * per_in - mean_in**2, 0.0))
-    noise = np.sqrt(max((s_ring - s_box) * per_ring - mean_ring**2, 0.0)) + _NOISE
-    per_noise = 1.0 / noise
-    log_in = np.log(g_in * per_in + _NOISE)
-    log_ring = np.log((g_ring - g_box) * per_ring + _NOISE)
+    n_in, n_outer = max(n_in, 1.0), max(n_ring - n_box, 1.0)
+    mean_in, mean_ring = b_in / n_in, (b_ring - b_box) / n_outer
+    spread_in = np.sqrt(max(s_in / n_in - mean_in**2, 0.0))
+    noise = np.sqrt(max((s_ring - s_box) / n_outer - mean_ring**2, 0.0)) + _NOISE
+    left = (ring[0], box[1], box[0], box[3])
+    right = (box[2], box[1], ring[2], box[3])
+    above = (box[0], ring[1], box[2], box[1])
+    below = (box[0], box[3], box[2], ring[3])
+    weakest = 1e9
+    sign = 1.0 if mean_in >= mean_ring else -1.0
+    for side in (left, right, above, below):
+        if (side[2] - side[0]) * (side[3] - side[1]) > 0:
+            weakest = min(weakest, sign * (mean_in - _brightness(sums, side)) / noise)
+    log_in = np.log(g_in / n_in + _NOISE)
+    log_ring = np.log((g_ring - g_box) / n_outer + _NOISE)
     log_band = np.log((g_band - g_in) / max(n_band - n_in, 1.0) + _NOISE)
     log_noise = np.log(noise)
-    out[0] = (mean_in - mean_ring) * per_noise
-    out[1] = abs(out[0])
-    out[2] = _weakest_side(sums, box, ring, mean_in, mean_in >= mean_ring) * per_noise
+    out[0] = (mean_in - mean_ring) / noise
+    out[1] = abs(mean_in - mean_ring) / noise
+    out[2] = weakest if weakest < 1e9 else 0.0
     out[3] = log_in - log_ring
     out[4] = log_band - log_in
     out[5] = np.log(spread_in + _NOISE) - log_noise
@@ -199,7 +189,7 @@ def _features(sums, inside, states, least_inside):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True)
-def _scores(sums, inside, states, least_inside, mean, per_scale, weights, offset):  # type: ignore[no-untyped-def]
+def _scores(sums, inside, states, least_inside, mean, scale, weights, offset):  # type: ignore[no-untyped-def]
     """The features, expanded as by `expand`, times the weights."""
     out = np.full(len(states), -np.inf)
     features = np.empty(8)
@@ -207,7 +197,7 @@ def _scores(sums, inside, states, least_inside, mean, per_scale, weights, offset
         if _measure(sums, inside, states[i], least_inside, features):
             score = offset
             for k in range(8):
-                z = min(max((features[k] - mean[k]) * per_scale[k], -_LIMIT), _LIMIT)
+                z = min(max((features[k] - mean[k]) / scale[k], -_LIMIT), _LIMIT)
                 score += z * (weights[k] + z * weights[8 + k])
             out[i] = score
     return out

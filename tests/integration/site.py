@@ -54,6 +54,7 @@ cameras:
 {cameras}"""
         )
         self.log = folder / "daemon.log"
+        self.roles: tuple[str, ...] = ()
         self.process: subprocess.Popen[bytes] | None = None
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -62,7 +63,9 @@ cameras:
 
     def start(self) -> None:
         with self.log.open("ab") as log:
-            self.process = subprocess.Popen([*LUMPWATCH, "run", str(self.config)], stdout=log, stderr=log)
+            self.process = subprocess.Popen(
+                [*LUMPWATCH, "run", str(self.config), *self.roles], stdout=log, stderr=log
+            )
 
     def __enter__(self) -> Self:
         self.start()

@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client
+from service.config import load
 from tests.integration.conftest import PRIOR
 from tests.integration.site import AlarmFollower, Daemon, wait_for
 from tests.servers.process import RtspServer
@@ -157,3 +161,63 @@ def test_a_daemon_whose_parent_is_killed_leaves_no_worker(
         daemon.process.kill()
         daemon.process.wait()
         wait_for("workers gone", lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 10)
+
+
+def test_camera_and_monitor_of_two_daemons_share_only_the_bus(
+    tmp_path: Path, feed_clip: Path, polygon: str
+) -> None:
+    """One daemon is the hub and reads the camera, the other joins it as a client and filters."""
+    (tmp_path / "hub").mkdir()
+    (tmp_path / "far").mkdir()
+    cameras = camera("crusher-1", str(feed_clip), polygon, ", loop: true")
+    hub, far = Daemon(tmp_path / "hub", cameras), Daemon(tmp_path / "far", cameras)
+    endpoint = hub.config.read_text().partition('listen: ["')[2].partition('"')[0]
+    text = far.config.read_text().replace("bus: {listen", "bus: {mode: client, connect")
+    far.config.write_text(text.replace(text.partition('connect: ["')[2].partition('"')[0], endpoint))
+    far.roles, hub.roles = ("--only", "monitor"), ("--only", "camera")
+    with far:  # it waits for its hub
+        time.sleep(2)
+        assert far.process is not None
+        assert far.process.poll() is None
+        with hub:
+            wait_for("far monitor decides", lambda: far.ready, 60)
+            assert hub.metric("lumpwatch_frames_received_total") > 0
+            assert hub.metric("lumpwatch_frames_processed_total") == 0
+            assert hub.get("/readyz")[0] == 200  # no region is its own
+            assert far.metric("lumpwatch_frames_processed_total") > 0
+            hub.stop()
+            wait_for("far monitor is blind", lambda: far.metric("lumpwatch_roi_blind") == 1, 10)
+        code, seconds = far.stop()
+        assert code == 0
+        assert seconds < 8.0
+
+
+def test_malformed_frames_are_counted_and_harmless(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
+        wait_for("ready", lambda: daemon.ready, 60)
+        config = load(daemon.config)
+        with open_client(as_client(config.bus)) as bus:
+            publisher = bus.publisher(Keys("test").frame("crusher-1"))
+            for payload in (b"", b"\x00" * 10, os.urandom(100_000)):
+                for _ in range(5):
+                    publisher.put(payload)
+                    time.sleep(0.02)
+        wait_for(
+            "counted",
+            lambda: daemon.metric("lumpwatch_frames_dropped_total", reason="malformed_bad_header") >= 1,
+            10,
+        )
+        assert daemon.ready
+        assert daemon.metric("lumpwatch_process_restarts_total") == 0
+
+
+def test_what_keeps_the_daemon_from_starting(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+    """A port that is taken: one line that names it, and a code that is not 0."""
+    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as first:
+        wait_for("up", lambda: first.get("/livez")[0] == 200, 30)
+        second = first.command("run", str(first.config))
+        assert second.returncode == 1
+        told = [line for line in second.stderr.splitlines() if line.startswith("lumpwatch: ")]
+        assert len(told) == 1
+        assert "cannot listen on tcp/127.0.0.1" in told[0]
+        assert "Traceback" not in second.stderr

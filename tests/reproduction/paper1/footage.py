@@ -10,7 +10,7 @@ import numpy as np
 
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
-from tests.reproduction.paper1.scenes import Scene, noisy, with_empty
+from tests.reproduction.paper1.scenes import EMPTY, Scene, noisy, with_empty
 
 FEED_FPS, FEED_MARGIN = 4.0, 12
 _LABELS = {"belt": 0, "fall": 1}
@@ -72,7 +72,7 @@ def footage_folder() -> Path | None:
 REAL_WIDTH, REAL_FPS, REAL_TRAINING = 320, 30.0, 125
 
 
-def football(seed: int, noise: float, training: bool, empty: tuple[int, int] = (20, 20)) -> Scene:
+def football(seed: int, noise: float, training: bool, empty: tuple[int, int] = EMPTY) -> Scene:
     """Real juggling: the first half of the frames for training, the second for tests.
 
     The ball is never out of view; the frames without it show the median picture of their half. The

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,17 @@ from numpy.typing import NDArray
 
 from models.jdt import JdtFilter
 from models.likelihood import Likelihood
-from models.roi import Roi
+from models.roi import Roi, View
 from models.state import X, Y
-from tests.reproduction.paper1.methods import labelled_views, working_boxes
+from tests.reproduction.paper1.methods import working_boxes
 from tests.reproduction.paper1.scenes import Scene
 
 SETTLED = 15
 """Frames after which evidence has had time to gather, from the paper's Fig. 10."""
+
+
+HELD = 5
+"""Frames from a change of the motion model on over which a filter should keep the object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +52,13 @@ class Measures:
     """Median distance (px) between estimate and truth over the detected frames."""
 
 
-def run(jdt: JdtFilter, likelihood: Likelihood, scene: Scene, roi: Roi, seed: int) -> Run:
-    """Filter the scene."""
+def run(jdt: JdtFilter, likelihood: Likelihood, views: Sequence[View], interval_s: float, seed: int) -> Run:
+    """Filter the pictures of a scene."""
     rng = np.random.default_rng([seed, 7])
     belief = jdt.start(rng)
-    views = labelled_views(scene, roi, most=len(scene.pictures))
     existence, centres = np.zeros(len(views)), np.full((len(views), 2), np.nan)
-    for i, item in enumerate(views):
-        step = jdt.step(belief, likelihood.observe(item.view), scene.interval_s, rng)
+    for i, view in enumerate(views):
+        step = jdt.step(belief, likelihood.observe(view), interval_s, rng)
         belief = step.belief
         existence[i] = belief.existence
         if step.estimate is not None:
@@ -82,7 +86,7 @@ def measure(result: Run, scene: Scene, roi: Roi) -> Measures:
     )
 
 
-def after_switch(scene: Scene, frames: int = 5) -> NDArray[np.bool_]:
+def after_switch(scene: Scene, frames: int = HELD) -> NDArray[np.bool_]:
     """The frames from each change of the motion model on (n,); a bounce is one change."""
     known = scene.labels >= 0
     change = np.zeros(len(known), dtype=np.bool_)

@@ -40,7 +40,6 @@ from models.profile import RowProfile, learn_profile
 from models.roi import Roi, make_roi
 from models.state import H, W, X, Y, blank
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional, joint_probabilities
-from tests.reproduction.paper1 import bandwidth
 from tests.reproduction.paper1.scenes import Scene
 
 Kind = Literal[
@@ -112,7 +111,7 @@ class Experiment:
     about: str = ""
     """What the scene shows, for the page."""
     remarks: str = ""
-    """Why the methods fare as they do, for the page."""
+    """What the figures mean, for the page."""
 
     def for_training(self, seed: int) -> Scene:
         """Training scene of a seed."""
@@ -157,7 +156,7 @@ def learn(experiment: Experiment, scenes: Sequence[Scene]) -> Knowledge:
     """Appearance, births and motion from scenes with known boxes."""
     height, width = scenes[0].pictures[0].shape[:2]
     roi = make_roi(scenes[0].polygon, width, height, max(width, height))
-    steps = samples([track(scene, roi) for scene in scenes], scenes[0].interval_s, experiment.smoothing)
+    steps = samples(_tracks(scenes, roi), scenes[0].interval_s, experiment.smoothing)
     profile = learn_profile(steps.states, float(roi.shape[0]))
     births = polygon_births(roi.mask, profile, np.ones(1))
     views = [item for scene in scenes for item in labelled_views(scene, roi)]
@@ -180,6 +179,17 @@ def track(scene: Scene, roi: Roi) -> Track:
     return Track(frames, working_boxes(scene, roi)[frames], scene.labels[frames])
 
 
+def _tracks(scenes: Sequence[Scene], roi: Roi) -> list[Track]:
+    """The tracks of the scenes, once where scenes differ in their noise only: copies would pass for
+    evidence, and leave-one-out would find each sample in the others."""
+    found: list[Track] = []
+    for scene in scenes:
+        one = track(scene, roi)
+        if not any(np.array_equal(one.boxes, other.boxes) for other in found):
+            found.append(one)
+    return found
+
+
 def labelled_views(scene: Scene, roi: Roi, most: int = 100) -> list[LabelledView]:
     """At most `most` frames of the scene, evenly spaced, for fitting the appearance."""
     boxes, views = working_boxes(scene, roi), []
@@ -194,6 +204,15 @@ def labelled_views(scene: Scene, roi: Roi, most: int = 100) -> list[LabelledView
         cut = None if colour is None else roi.cut(colour)
         views.append(LabelledView(roi.view(roi.cut(gray), cut), objects))
     return views
+
+
+def learn_all_motions(experiment: Experiment, knowledge: Knowledge) -> tuple[Motions, ...]:
+    """The motions of each method; methods with the same models and order share them."""
+    known: dict[tuple[tuple[Kind, ...], Order], Motions] = {}
+    for method in experiment.methods:
+        if (key := (method.kinds, method.order)) not in known:
+            known[key] = learn_motions(experiment, method, knowledge)
+    return tuple(known[method.kinds, method.order] for method in experiment.methods)
 
 
 def learn_motions(experiment: Experiment, method: Method, knowledge: Knowledge) -> Motions:
@@ -215,9 +234,8 @@ def learn_motions(experiment: Experiment, method: Method, knowledge: Knowledge) 
     births = np.where(momentary, 0.0, np.bincount(labels, minlength=count) / len(labels) + 0.05)
     if method.order == "state_first":
         states, labels = states[follows - 1], labels[follows]
-    densities = bandwidth.learn(
-        states, labels, count, density.COMPONENTS[experiment.component], LEAST_BANDWIDTH_SHARE * height
-    )
+    over, least = density.COMPONENTS[experiment.component], LEAST_BANDWIDTH_SHARE * height
+    densities = density.learn(states, labels, count, over, least, "likelihood")
     noises = motion.spreads / motion.spreads.min()
     return Motions(motion.rates, noises, conditional(joint), births / births.sum(), densities)
 

@@ -23,7 +23,7 @@ AXIS = {"column": "column x (px)", "row": "row y (px)", "vertical_velocity": "ve
 def draw(result: Result, path: Path) -> None:
     """Example frame, densities, prediction function and existence curves."""
     flat = result.prepared.experiment.component == "position"
-    figure = Figure(figsize=(11.0, 8.6 if flat else 6.6), layout="constrained")
+    figure = Figure(figsize=(11.0, 7.8 if flat else 6.6), layout="constrained")
     grid = figure.add_gridspec(3 if flat else 2, 3)
     frame(figure.add_subplot(grid[0, 0]), result)
     if flat:

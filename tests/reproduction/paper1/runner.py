@@ -15,8 +15,9 @@ from tests.reproduction.paper1.methods import (
     Knowledge,
     Method,
     Motions,
+    labelled_views,
     learn,
-    learn_motions,
+    learn_all_motions,
     make_filter,
     make_likelihood,
 )
@@ -93,8 +94,7 @@ def prepare(experiment: Experiment) -> Prepared:
     """Learn what all methods share, and each method's motion."""
     scenes = [experiment.for_training(seed) for seed in experiment.training_seeds]
     knowledge = learn(experiment, scenes)
-    motions = tuple(learn_motions(experiment, method, knowledge) for method in experiment.methods)
-    return Prepared(experiment, knowledge, motions)
+    return Prepared(experiment, knowledge, learn_all_motions(experiment, knowledge))
 
 
 def _tasks(
@@ -111,12 +111,13 @@ def _trial(
     experiment, knowledge = prepared.experiment, prepared.knowledge
     scene = experiment.for_training(seed) if training else experiment.scene(seed)
     likelihood = make_likelihood(experiment, knowledge.appearance)
+    views = [item.view for item in labelled_views(scene, knowledge.roi, most=len(scene.pictures))]
     found = []
     for method, motions, some in zip(experiment.methods, prepared.motions, levels, strict=True):
         row = []
         for level in some:
             jdt = make_filter(experiment, method, knowledge, motions, level)
-            result = run(jdt, likelihood, scene, knowledge.roi, seed)
+            result = run(jdt, likelihood, views, scene.interval_s, seed)
             row.append((measure(result, scene, knowledge.roi), result))
         found.append(row)
     return found

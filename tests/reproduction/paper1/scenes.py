@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from models.roi import Image
 
+EMPTY = (30, 30)
+"""Frames without the object, before and after it."""
 WHOLE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
 
 
@@ -83,7 +85,7 @@ def paste(
 SQUARE_SHAPE, SQUARE_SIZE, SQUARE_STEPS = (120, 160), 20, 10
 
 
-def bouncing_square(seed: int, noise: float, frames: int = 100, empty: tuple[int, int] = (20, 20)) -> Scene:
+def bouncing_square(seed: int, noise: float, frames: int = 100, empty: tuple[int, int] = EMPTY) -> Scene:
     """A textured square crosses the picture in ten frames, bounces, and crosses again.
 
     Its velocity is the crossing speed plus white noise along both axes; it bounces on the frame at
@@ -114,7 +116,7 @@ BALL_SIZE, TABLE_INTERVAL_S, PX_PER_M = 8, 1 / 25, 73.0
 GRAVITY_M_S2 = 9.81
 
 
-def table_tennis(seed: int, noise: float, frames: int = 200, empty: tuple[int, int] = (20, 20)) -> Scene:
+def table_tennis(seed: int, noise: float, frames: int = 200, empty: tuple[int, int] = EMPTY) -> Scene:
     """A rally seen from the side: flight under gravity, a bounce on the table, a return by the bat.
 
     The ball moves continuously, so that a bounce falls between two frames; the step over it has the
@@ -187,7 +189,7 @@ def _filmed(
 JUGGLING_SHAPE, FOOT_ROW, FOOTBALL = (160, 220), 130.0, 18
 
 
-def juggling(seed: int, noise: float, frames: int = 125, empty: tuple[int, int] = (20, 20)) -> Scene:
+def juggling(seed: int, noise: float, frames: int = 125, empty: tuple[int, int] = EMPTY) -> Scene:
     """A football falls with constant acceleration and is kicked up again before it lands."""
     rng = np.random.default_rng([seed, 3])
     gravity = 1.4  # px/frame^2
@@ -217,11 +219,11 @@ def juggling(seed: int, noise: float, frames: int = 125, empty: tuple[int, int] 
 SLIDE_SHAPE, SLIDE_FRAMES, PERSON = (150, 180), 28, (18, 28)
 
 
-def slide(seed: int, noise: float, empty: tuple[int, int] = (16, 16)) -> Scene:
+def slide(seed: int, noise: float, empty: tuple[int, int] = EMPTY) -> Scene:
     """A person slides down with constant acceleration and then wanders about at its end."""
     rng = np.random.default_rng([seed, 4])
     x, y, speed = rng.uniform(24.0, 30.0), rng.uniform(24.0, 30.0), rng.uniform(1.0, 2.0)
-    slope, rate = np.array([0.78, 0.62]), rng.uniform(0.55, 0.65)
+    slope, rate = np.array([0.78, 0.62]), rng.uniform(0.7, 0.8)
     path, labels = [(x, y)], [0]
     while len(path) < SLIDE_FRAMES:
         slides = y < 100.0 and labels[-1] == 0
