@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -12,6 +13,13 @@ from models.profile import RowProfile
 from models.roi import Image
 from models.state import VX, VY, H, Labels, States, W, X, Y, blank
 from models.switching import draw
+
+
+class Births(Protocol):
+    """The law of newborn particles."""
+
+    def draw(self, n: int, rng: np.random.Generator) -> tuple[States, Labels]:
+        """`n` newborn states (n, 8) and their motion models (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +41,30 @@ class PolygonBirths:
         states[:, W : H + 1] = values[:, 2:]
         rows = np.broadcast_to(self.model_probabilities, (n, len(self.model_probabilities)))
         return states, draw(rows, rng)
+
+
+@dataclass(frozen=True, slots=True)
+class KernelBirths:
+    """Where labelled objects first appeared: Gaussian kernels over those places, and a share anywhere."""
+
+    places: NDArray[np.float64]
+    """x and y of the places (k, 2)."""
+    bandwidth: NDArray[np.float64]
+    """Standard deviation of the kernels along x and y (2,)."""
+    anywhere: PolygonBirths
+    anywhere_share: float = 0.1
+    """Objects that appear where none did in training are found more slowly, but found."""
+
+    def draw(self, n: int, rng: np.random.Generator) -> tuple[States, Labels]:
+        """`n` newborn states and their motion models."""
+        states, labels = self.anywhere.draw(n, rng)
+        chosen = np.flatnonzero(rng.random(n) >= self.anywhere_share)
+        kernels = self.places[rng.integers(len(self.places), size=len(chosen))]
+        states[chosen, X : Y + 1] = kernels + self.bandwidth * rng.standard_normal((len(chosen), 2))
+        values = self.anywhere.profile.draw(states[chosen, Y], rng)
+        states[chosen, VX : VY + 1] = values[:, :2]
+        states[chosen, W : H + 1] = values[:, 2:]
+        return states, labels
 
 
 def polygon_births(

@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.births import PolygonBirths
+from models.births import Births
 from models.existence import ExistenceChain
 from models.likelihood.base import Observation
 from models.motion import MotionModel, move_by_label
@@ -62,7 +62,7 @@ class JdtFilter:
 
     models: tuple[MotionModel, ...]
     switching: Switching
-    births: PolygonBirths
+    births: Births
     profile: RowProfile
     chain: ExistenceChain
     particles: int = 2000
@@ -70,6 +70,13 @@ class JdtFilter:
     """Share of the particles spent on newborn states at each step (marginal form)."""
     form: Form = "marginal"
     order: Order = "model_first"
+    least_share: float = 0.0
+    """Share of the survivors that each motion model gets at least, however improbable it is (see `_propagate`)."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError where the models cannot all have their least share."""
+        if not 0.0 <= self.least_share * len(self.models) <= 1.0:
+            raise ValueError(f"least_share {self.least_share:g} is too large for {len(self.models)} models")
 
     def start(self, rng: np.random.Generator) -> Belief:
         """No object yet: newborn states, existence 0."""
@@ -92,7 +99,7 @@ class JdtFilter:
         self, belief: Belief, observation: Observation, dt: float, rng: np.random.Generator
     ) -> Step:
         p_birth, p_death = self.chain.probabilities(dt)
-        old_states, old_labels, fell_back = self._propagate(belief.states, belief.labels, dt, rng)
+        old_states, old_labels, correction, fell_back = self._propagate(belief.states, belief.labels, dt, rng)
         new_states, new_labels = self.births.draw(self.particles - len(old_states), rng)
         states = np.concatenate([old_states, new_states])
         labels = np.concatenate([old_labels, new_labels])
@@ -100,7 +107,7 @@ class JdtFilter:
         alive = (1.0 - p_death) * belief.existence
         born = p_birth * (1.0 - belief.existence)
         mass = np.empty(len(states))
-        mass[: len(old_states)] = alive / len(old_states)
+        mass[: len(old_states)] = alive / len(old_states) * correction
         mass[len(old_states) :] = born / len(new_states)
         ratio, absent_ratio = _ratios(observation.log_ratio(states))
         weights = mass * ratio
@@ -122,14 +129,15 @@ class JdtFilter:
         exists = np.where(belief.exists, u >= p_death, u < p_birth)
         survives, newborn = exists & belief.exists, exists & ~belief.exists
         states, labels = belief.states.copy(), belief.labels.copy()
-        states[survives], labels[survives], fell_back = self._propagate(
+        correction = np.ones(len(states))
+        states[survives], labels[survives], correction[survives], fell_back = self._propagate(
             belief.states[survives], belief.labels[survives], dt, rng
         )
         states[newborn], labels[newborn] = self.births.draw(int(newborn.sum()), rng)
 
         ratio, absent_ratio = _ratios(observation.log_ratio(states[exists]))
         weights = np.full(len(states), absent_ratio)
-        weights[exists] = ratio
+        weights[exists] = ratio * correction[exists]
         if float(weights.sum()) <= 0.0:  # all exist, and none where an object could be: search anew
             return Step(self.start(rng), None, Diagnostics(0.0, fell_back))
 
@@ -141,14 +149,28 @@ class JdtFilter:
 
     def _propagate(
         self, states: States, labels: Labels, dt: float, rng: np.random.Generator
-    ) -> tuple[States, Labels, float]:
-        """Draw alpha_t and x_t of the survivors (the integrand of Eq. 9)."""
+    ) -> tuple[States, Labels, NDArray[np.float64], float]:
+        """Draw alpha_t and x_t of the survivors (the integrand of Eq. 9), with their importance weights (n,).
+
+        With a least share the labels are drawn from a mixture of Eq. 10 or 12 and a uniform law, and
+        the weights put that right (importance sampling): a rare model keeps particles to try it.
+        """
         rows, fell_back = self.switching.rows(states, labels, dt)
-        following = draw(rows, rng)
+        following, correction = self._draw_labels(rows, rng)
         moving = following if self.order == "model_first" else labels
         moved = move_by_label(self.models, states, moving, dt, rng)
         self.profile.follow(states, moved, dt, rng)
-        return moved, following, float(fell_back.mean()) if len(fell_back) else 0.0
+        return moved, following, correction, float(fell_back.mean()) if len(fell_back) else 0.0
+
+    def _draw_labels(
+        self, rows: NDArray[np.float64], rng: np.random.Generator
+    ) -> tuple[Labels, NDArray[np.float64]]:
+        if self.least_share == 0.0:
+            return draw(rows, rng), np.ones(len(rows))
+        proposal = (1.0 - self.least_share * len(self.models)) * rows + self.least_share
+        following = draw(proposal, rng)
+        each = np.arange(len(rows))
+        return following, rows[each, following] / proposal[each, following]
 
 
 def _ratios(log_ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -8,7 +8,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from models.births import polygon_births
+from models.births import Births, KernelBirths, PolygonBirths, polygon_births
+from models.density import bandwidth_of
 from models.existence import ExistenceChain
 from models.jdt import JdtFilter
 from models.learning.learned import HistogramFit, Learned, LumpFit
@@ -38,6 +39,7 @@ DEFAULT_RATES_H_S2 = (0.03, 3.0)
 DEFAULT_VELOCITY_NOISE_H_S = 0.15
 DEFAULT_FAST_NOISE_H_S = 0.6
 DEFAULT_POSITION_NOISE_H = 0.1
+LEAST_BIRTH_BANDWIDTH_H = 0.03
 DEFAULT_ACCELERATION_NOISE_H_S2 = 1.0
 
 
@@ -62,14 +64,25 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
     return JdtFilter(
         models=models,
         switching=_switching(config, models, learned, height),
-        births=polygon_births(roi.mask, profile, births),
+        births=_births(config, learned, polygon_births(roi.mask, profile, births), height),
         profile=profile,
         chain=ExistenceChain(config.existence.birth_rate_hz, 1.0 / config.existence.mean_life_s),
         particles=config.particles,
         born_share=config.existence.born_share,
         form=config.form,
         order=config.order,
+        least_share=config.least_model_share,
     )
+
+
+def _births(config: JdtConfig, learned: Learned | None, anywhere: PolygonBirths, height: float) -> Births:
+    """Births over the polygon, or where training saw them."""
+    if config.existence.births == "uniform" or learned is None:
+        return anywhere
+    if learned.birth_places is None:
+        raise PriorMismatchError("the prior holds no birth places: train again")
+    places = learned.birth_places * height
+    return KernelBirths(places, bandwidth_of(places, "scott", LEAST_BIRTH_BANDWIDTH_H * height), anywhere)
 
 
 def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:

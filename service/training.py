@@ -8,7 +8,7 @@ and the likelihood (paper 1, section 2.2.2).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -45,6 +45,8 @@ LEAST_SPREAD_H_S = 0.01
 """Floor of a velocity residual over one step, ROI heights per second."""
 LEAST_NOISE_H_S = 0.05
 """Floor of the learned velocity noise, ROI heights per second gathered in one second."""
+BIRTH_S = 0.5
+"""How long after its first label an object counts as newborn."""
 LEAST_BANDWIDTH_H = 0.01
 """Floor of a kernel's bandwidth, ROI heights."""
 _LEAST_BIRTH = 0.05
@@ -103,6 +105,9 @@ def train(
     fit = _fit_likelihood(config, footage, profile, labels_path)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
     learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
+    first = max(1, round(BIRTH_S / interval))
+    places = np.concatenate([track.boxes[:first, :2] for track in tracks]) / height
+    learned = replace(learned, birth_places=places)
     return Trained(
         learned,
         steps,

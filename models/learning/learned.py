@@ -61,5 +61,7 @@ class Learned:
     """Training steps of each model (M,)."""
     tracks: int
     """Labelled objects that were used."""
+    birth_places: NDArray[np.float64] | None = None
+    """Where labelled objects were in their first moments, ROI heights (k, 2)."""
     cells: CellVelocities | None = None
     """Velocities by place, where a motion prior is among the models; lengths in ROI heights."""

@@ -132,6 +132,8 @@ class ExistenceConfig(Strict):
     """Objects that appear in an empty ROI, per second."""
     mean_life_s: PositiveSeconds = 8.0
     """How long an object stays in the ROI on average."""
+    births: Literal["uniform", "learned"] = "uniform"
+    """Where new objects appear: anywhere in the polygon, or mostly where labelled ones did."""
     born_share: Probability = 0.3
     """Share of the particles that search for a new object at each step."""
 
@@ -151,6 +153,8 @@ class JdtConfig(Strict):
     """What of the state the learned densities of adaptive switching look at."""
     bandwidth: Literal["scott", "silverman", "likelihood"] = "scott"
     """How `train` chooses the width of the densities' kernels: a rule, or leave-one-out likelihood."""
+    least_model_share: float = Field(default=0.0, ge=0.0, le=0.5)
+    """Share of the particles that every motion model gets at least, so that a rare one does not die out."""
     order: Literal["model_first", "state_first"] = "model_first"
     """Draw the new model and move by it, or move by the last model as Eq. 9 has it literally."""
     form: Literal["marginal", "sampled"] = "marginal"
@@ -175,6 +179,8 @@ class JdtConfig(Strict):
             raise ValueError(f"models: name '{min(twice)}' is given more than once; give each model a name")
         if self.form == "sampled" and self.objects > 1 and "objects" in self.model_fields_set:
             raise ValueError("form sampled follows one object: objects must be 1")
+        if self.least_model_share * len(self.models) > 1.0:
+            raise ValueError(f"least_model_share is too large for {len(self.models)} models")
         if self.size_h[0] >= self.size_h[1]:
             raise ValueError("size_h must be [smallest, largest]")
         return self

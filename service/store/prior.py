@@ -118,6 +118,8 @@ def encode(prior: Prior) -> bytes:
         }
     else:
         arrays |= {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
+    if learned.birth_places is not None:
+        arrays["birth_places"] = learned.birth_places
     if learned.cells is not None:
         arrays["cells"] = learned.cells.counts
         arrays["cells_scale"] = np.array([learned.cells.cell, learned.cells.fastest])
@@ -162,6 +164,13 @@ def _body(content: bytes, name: str) -> bytes:
     if hashlib.sha256(body).hexdigest().encode() != words[2]:
         raise PriorError(f"{name}: is corrupt (its checksum does not match)")
     return body
+
+
+def _places(arrays: dict[str, NDArray[Any]]) -> NDArray[Any] | None:
+    places = arrays.get("birth_places")
+    if places is not None and (places.ndim != 2 or places.shape[1] != 2 or len(places) == 0):
+        raise ValueError("birth places have another shape")
+    return places
 
 
 def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
@@ -229,6 +238,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         births=arrays["births"],
         profile=RowProfile(float(first), float(step), arrays["profile_mean"], arrays["profile_spread"]),
         likelihood=fit,
+        birth_places=_places(arrays),
         cells=_cells(arrays),
         label_counts=arrays["label_counts"],
         tracks=int(meta["tracks"]),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, norm, truncnorm
 
-from models.births import polygon_births
+from models.births import KernelBirths, polygon_births
 from models.profile import RowProfile
 from models.state import AX, AY, VX, VY, H, W, X, Y
 from tests.models.helpers import flat_profile
@@ -92,3 +92,20 @@ def test_same_seed_same_draw_and_none_is_none() -> None:
 def test_empty_mask_is_refused() -> None:
     with pytest.raises(ValueError, match="no pixel"):
         polygon_births(np.zeros((5, 5), np.uint8), FLAT, ONE)
+
+
+def test_learned_births_come_where_objects_came() -> None:
+    """Two places, a spread of 2 and 4 px around them; a tenth of the newborn is anywhere."""
+    profile = RowProfile(0.0, 100.0, np.array([[1, 10, 2, 2.2], [1, 30, 3, 3.2]]), np.full((2, 4), 1e-6))
+    anywhere = polygon_births(np.ones((100, 80), np.uint8), profile, ONE)
+    births = KernelBirths(np.array([[20.0, 30.0], [60.0, 50.0]]), np.array([2.0, 4.0]), anywhere)
+    states, _ = births.draw(N, np.random.default_rng(5))
+    first = (np.abs(states[:, :2] - [20, 30]) < [8, 16]).all(axis=1)
+    second = (np.abs(states[:, :2] - [60, 50]) < [8, 16]).all(axis=1)
+    # Of the uniform tenth, 16 x 32 of 80 x 100 px fall into each window: 0.45 + 0.0064.
+    assert first.mean() == pytest.approx(0.4564, abs=0.01)
+    assert second.mean() == pytest.approx(0.4564, abs=0.01)
+    assert states[first, :2].std(axis=0) == pytest.approx([2.0, 4.0], rel=0.15)
+    # Velocity and size are those of the row of birth.
+    assert states[:, VY] == pytest.approx(10 + 20 * np.clip(states[:, Y] / 100, 0, 1), abs=1e-3)
+    assert np.log(states[:, W]) == pytest.approx(2 + np.clip(states[:, Y] / 100, 0, 1), abs=1e-3)
