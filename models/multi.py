@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from models.existence import ExistenceChain
@@ -233,13 +234,22 @@ def _boxes(tracks: list[Track]) -> States:
 
 def _covered(states: States, others: States) -> NDArray[np.float64]:
     """The largest share of each state's box, or of the other box if that is smaller, that they have in common."""
-    if len(others) == 0:
-        return np.zeros(len(states))
-    half = states[:, None, W : H + 1] / 2
-    other_half = others[None, :, W : H + 1] / 2
-    centre, other_centre = states[:, None, X : Y + 1], others[None, :, X : Y + 1]
-    low = np.maximum(centre - half, other_centre - other_half)
-    high = np.minimum(centre + half, other_centre + other_half)
-    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
-    area = np.minimum((states[:, W] * states[:, H])[:, None], (others[:, W] * others[:, H])[None, :])
-    return (common / np.maximum(area, 1e-9)).max(axis=1)
+    return _largest_share(states, others)
+
+
+@njit(cache=True)
+def _largest_share(states, others):  # type: ignore[no-untyped-def]
+    out = np.zeros(len(states))
+    for i in range(len(states)):
+        x, y, w, h = states[i, X], states[i, Y], states[i, W], states[i, H]
+        for k in range(len(others)):
+            across = min(x + w / 2, others[k, X] + others[k, W] / 2) - max(
+                x - w / 2, others[k, X] - others[k, W] / 2
+            )
+            down = min(y + h / 2, others[k, Y] + others[k, H] / 2) - max(
+                y - h / 2, others[k, Y] - others[k, H] / 2
+            )
+            if across > 0.0 and down > 0.0:
+                smaller = min(w * h, others[k, W] * others[k, H])
+                out[i] = max(out[i], across * down / max(smaller, 1e-9))
+    return out
