@@ -28,7 +28,8 @@ from service.logs import LEVEL, log_to_stderr
 from service.messages import AlarmEvent, StateMessage
 from service.store.priors import PriorStore, read_file
 
-FEED = "lumps_per_minute=8&dust=0.25"
+FEED = "lumps_per_minute=4&dust=0.25"
+SEED = 10  # a lump comes early, and between two lumps the belt is clear
 CAMERA, ROI = "crusher-1", "apron"
 _EVERY_S = 2.0
 
@@ -45,7 +46,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--seconds", type=float, default=0.0, help="end by itself after this long (default: Ctrl-C ends it)"
     )
-    parser.add_argument("--seed", type=int, default=4, help="seed of the simulated feed")
+    parser.add_argument("--seed", type=int, default=SEED, help="seed of the simulated feed")
 
 
 def demo_config(store: Path, seed: int) -> str:

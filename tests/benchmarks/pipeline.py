@@ -19,7 +19,7 @@ import av
 from service.bus.keys import Keys
 from service.bus.session import open_client
 from service.cli.alarms import as_client
-from service.cli.demo import CAMERA, FEED, ROI, demo_config
+from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
 from service.cli.replay import read_frames
 from service.config import load
 from service.encode import VideoWriter
@@ -36,7 +36,7 @@ SECONDS, FPS, ROUNDS = 12, 25, 5
 
 def _video(path: Path) -> Path:
     """A feed in the quality of a plant camera: some 4 Mbit/s."""
-    spec = FeedSpec.from_query(FEED, seed=4, width=1920, height=1080, fps=FPS, noise=1.0)
+    spec = FeedSpec.from_query(FEED, seed=SEED, width=1920, height=1080, fps=FPS, noise=1.0)
     feed = FeedSimulator(spec)
     with VideoWriter(path, spec.width, spec.height, FPS, crf=30) as writer:
         for _ in range(SECONDS * FPS):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from service.cli.demo import CAMERA, FEED, ROI, demo_config
+from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
 from service.config import parse
 from service.feed.spec import FeedSpec
 from service.feed.write import write_video
@@ -15,7 +15,7 @@ PRIOR = Path(__file__).parents[2] / "service" / "feed" / "demo.prior"
 @pytest.fixture(scope="session")
 def feed_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """30 s of simulated feed whose first lump comes early."""
-    spec = FeedSpec.from_query(FEED, seed=4)
+    spec = FeedSpec.from_query(FEED, seed=SEED)
     return write_video(spec, 30.0, tmp_path_factory.mktemp("feed")).video
 
 

@@ -19,7 +19,7 @@ from models.learning import LabelledView, LumpFit, fit_lump
 from models.profile import default_profile
 from models.roi import make_roi
 from models.state import H, W, X, Y, blank
-from service.cli.demo import CAMERA, FEED, ROI, demo_config
+from service.cli.demo import CAMERA, ROI, demo_config
 from service.cli.replay import read_frames
 from service.config import JdtConfig, parse
 from service.feed.simulator import FeedSimulator
@@ -83,7 +83,7 @@ def demo_prior() -> Prior:
     config = parse(demo_config(Path("var"), 0)).camera(CAMERA)
     roi = config.roi(ROI)
     with tempfile.TemporaryDirectory() as folder:
-        files = write_video(FeedSpec.from_query(FEED, seed=9100), 90.0, Path(folder))
+        files = write_video(FeedSpec(seed=9100), 90.0, Path(folder))
         frames, _ = read_frames(config, files.video)
         trained = train(roi, frames, read_labels(files.labels), files.labels, "simulated feed, seed 9100")
     meta = PriorMeta(
