@@ -180,3 +180,11 @@ def test_the_schema_refuses_unknown_keys_too() -> None:
     tree = json.loads(schema())
     objects = [tree, *(d for d in tree["$defs"].values() if d.get("type") == "object")]
     assert all(d["additionalProperties"] is False for d in objects)
+
+
+@pytest.mark.parametrize("text", ['site: "\\ud800"\n', '"\\ud800": 1\n', 'site: {"\\ud800": 1}\n'])
+def test_characters_that_are_no_text(text: str) -> None:
+    """A lone surrogate, as an escape in YAML can name it, cannot be encoded anywhere."""
+    with pytest.raises(ConfigError) as error:
+        parse(text, "site.yaml")
+    assert str(error.value).encode().startswith(b"site.yaml: ")

@@ -53,8 +53,11 @@ def parse(text: str, name: str = "config", environ: Mapping[str, str] = os.envir
         problem = _first_problem(error)
     except ConfigError as error:
         problem = str(error)
+    except UnicodeError:
+        problem = "holds characters that are no text (lone surrogates)"
     for secret in sorted(secrets, key=len, reverse=True):
         problem = problem.replace(secret, "***")
+    problem = problem.encode("utf-8", "backslashreplace").decode()
     # Not chained: the causes carry the configuration, and with it what is secret in it.
     raise ConfigError(f"{name}: {' '.join(problem.split())}") from None
 
