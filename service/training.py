@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from itertools import groupby
 from pathlib import Path
 
@@ -38,6 +39,7 @@ from service.config.detector import HistogramConfig, JdtConfig
 from service.footage import Footage, TrainingError, read_footage
 from service.frames import Frame
 from service.labels import Box, LabelError, check_frames
+from service.store.prior import Prior, PriorMeta
 
 SMOOTHING_S = 0.14
 """Half length of the window over which positions are smoothed, for laws without a bounce."""
@@ -77,6 +79,19 @@ class Trained:
     frames: int
     """Frames of the video."""
     warnings: tuple[str, ...]
+
+    def as_prior(self, camera: str, roi: RoiConfig, source: str, created: datetime) -> Prior:
+        """What was learned, bound to its camera and ROI; `source` names the footage without its folder."""
+        meta = PriorMeta(
+            camera=camera,
+            roi=roi.id,
+            created=created,
+            polygon=roi.polygon,
+            aspect=self.width / self.height,
+            source=source,
+            frames=self.frames,
+        )
+        return Prior(meta, self.learned)
 
 
 def train(

@@ -14,7 +14,7 @@ from service.cli.common import Commands, add_command, camera_of, progress, roi_o
 from service.cli.replay import read_frames
 from service.config import load
 from service.labels import read_labels
-from service.store.prior import Prior, PriorMeta
+from service.store.prior import Prior
 from service.store.priors import PriorStore
 from service.training import Trained
 from service.training import train as run_training
@@ -50,16 +50,9 @@ def train(arguments: argparse.Namespace) -> int:
     frames, length = read_frames(only, arguments.video)
     with progress("reading", length) as advance:
         trained = run_training(roi, frames, boxes, arguments.labels, arguments.video.name, advance)
-    meta = PriorMeta(
-        camera=camera.id,
-        roi=roi.id,
-        created=datetime.now(UTC),
-        polygon=roi.polygon,
-        aspect=trained.width / trained.height,
-        source=arguments.video.name,
-        frames=trained.frames,
+    stored = PriorStore(config.store.path, config.store.keep_priors).save(
+        trained.as_prior(camera.id, roi, arguments.video.name, datetime.now(UTC))
     )
-    stored = PriorStore(config.store.path, config.store.keep_priors).save(Prior(meta, trained.learned))
     for warning in trained.warnings:
         sys.stderr.write(f"lumpwatch: warning: {warning}\n")
     _print(trained, stored)

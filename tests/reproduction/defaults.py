@@ -27,7 +27,7 @@ from service.feed.spec import FeedSpec
 from service.feed.write import write_video
 from service.filters import DEFAULT_SPEED_H_S
 from service.labels import read_labels
-from service.store.prior import Prior, PriorMeta, encode
+from service.store.prior import Prior, encode
 from service.training import train
 
 HEAD = '''"""The lump likelihood of a ROI without a prior; made by `python -m tests.reproduction.defaults`."""
@@ -86,16 +86,7 @@ def demo_prior() -> Prior:
         files = write_video(FeedSpec(seed=9100), 90.0, Path(folder))
         frames, _ = read_frames(config, files.video)
         trained = train(roi, frames, read_labels(files.labels), files.labels, "simulated feed, seed 9100")
-    meta = PriorMeta(
-        camera=CAMERA,
-        roi=ROI,
-        created=datetime(2026, 1, 1, tzinfo=UTC),
-        polygon=roi.polygon,
-        aspect=trained.width / trained.height,
-        source="simulated feed, seed 9100",
-        frames=trained.frames,
-    )
-    return Prior(meta, trained.learned)
+    return trained.as_prior(CAMERA, roi, "simulated feed, seed 9100", datetime(2026, 1, 1, tzinfo=UTC))
 
 
 def _source(fit: LumpFit) -> str:

@@ -19,7 +19,7 @@ from service.labels import Box, read_labels
 from service.messages import Decision, StateLine
 from service.pipeline import CameraPipeline
 from service.replay import replay
-from service.store.prior import Prior, PriorMeta
+from service.store.prior import Prior
 from service.training import train
 
 
@@ -107,16 +107,7 @@ def train_on_feed(
     files = write_video(FeedSpec(seed=seed), seconds, folder)
     frames, _ = read_frames(camera, files.video)
     trained = train(roi, frames, read_labels(files.labels), files.labels, files.video.name)
-    meta = PriorMeta(
-        camera=CAMERA,
-        roi=ROI,
-        created=datetime(2026, 1, 1, tzinfo=UTC),
-        polygon=roi.polygon,
-        aspect=trained.width / trained.height,
-        source=files.video.name,
-        frames=trained.frames,
-    )
-    return camera, Prior(meta, trained.learned)
+    return camera, trained.as_prior(CAMERA, roi, files.video.name, datetime(2026, 1, 1, tzinfo=UTC))
 
 
 def announced_on(camera: CameraConfig, prior: Prior, seed: int, folder: Path) -> list[Announcement]:
