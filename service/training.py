@@ -30,10 +30,10 @@ from models.learning import (
     samples,
 )
 from models.learning.motion import Law, ModelSpec
+from models.learning.switches import fit_switching
 from models.motion_prior import CellVelocities
 from models.profile import RowProfile, learn_profile
 from models.roi import Roi
-from models.switching import joint_probabilities
 from service.config.cameras import RoiConfig
 from service.config.detector import HistogramConfig, JdtConfig
 from service.footage import Footage, TrainingError, read_footage
@@ -188,11 +188,15 @@ def _learned(
     cells: CellVelocities | None,
 ) -> Learned:
     models = len(config.models)
-    follows = ~steps.starts
-    following = motion.labels[follows]
-    previous = motion.labels[np.flatnonzero(follows) - 1]
-    # Eq. 9 moves x_t by alpha_{t-1}: there alpha_t is the model of the step that comes next.
-    shifted = config.order == "state_first"
+    switches = fit_switching(
+        steps,
+        motion.labels,
+        models,
+        density.COMPONENTS[config.switch_on],
+        LEAST_BANDWIDTH_H * height,
+        config.bandwidth,
+        state_first=config.order == "state_first",
+    )
     counts = np.bincount(motion.labels, minlength=models)
     momentary = np.array([model.kind.startswith("bounce") for model in config.models])
     births = np.where(momentary & ~momentary.all(), 0.0, counts / counts.sum() + _LEAST_BIRTH)
@@ -201,16 +205,9 @@ def _learned(
         models=tuple(model.name for model in config.models),
         rates=motion.rates / height,
         velocity_noise=np.maximum(noise, LEAST_NOISE_H_S),
-        joint=joint_probabilities(previous, following, models),
+        joint=switches.joint,
         interval_s=steps.interval_s,
-        density=density.learn(
-            steps.states[:-1][follows[1:]] if shifted else steps.states,
-            following if shifted else motion.labels,
-            models,
-            density.COMPONENTS[config.switch_on],
-            LEAST_BANDWIDTH_H * height,
-            config.bandwidth,
-        ).scaled(1.0 / height),
+        density=switches.densities.scaled(1.0 / height),
         births=births / births.sum(),
         profile=profile.scaled(1.0 / height),
         likelihood=fit,

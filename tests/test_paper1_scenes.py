@@ -14,7 +14,7 @@ from models.roi import make_roi
 from models.state import X, blank
 from tests.reproduction.paper1 import footage, page
 from tests.reproduction.paper1.experiments import EXPERIMENTS, NOISY_SQUARE, SLIDE
-from tests.reproduction.paper1.footage import REAL_FPS, REAL_TRAINING, footage_folder, football
+from tests.reproduction.paper1.footage import REAL_FPS, REAL_TRAINING, football, football_folder
 from tests.reproduction.paper1.measure import Measures, Run, after_switch, measure
 from tests.reproduction.paper1.methods import learn, learn_all_motions, make_filter
 from tests.reproduction.paper1.scenes import (
@@ -126,20 +126,20 @@ def test_footage_is_looked_for_where_the_environment_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("LUMPWATCH_FOOTAGE", str(tmp_path))
-    assert footage_folder() is None
+    assert football_folder() is None
     with pytest.raises(FileNotFoundError, match="footage"):
         football(0, 10.0, training=True)
     folder = tmp_path / "soccer-juggling"
     folder.mkdir()
     (folder / "juggling.mp4").touch()
-    assert footage_folder() is None
+    assert football_folder() is None
     (folder / "gt.txt").touch()
-    assert footage_folder() == folder
+    assert football_folder() == folder
 
 
 @pytest.mark.slow
 @pytest.mark.footage
-@pytest.mark.skipif(footage_folder() is None, reason="the football footage is not here")
+@pytest.mark.skipif(football_folder() is None, reason="the football footage is not here")
 def test_football_halves_share_no_frame() -> None:
     training, test = (football(0, 0.0, training=half, empty=(2, 2)) for half in (True, False))
     assert training.present.sum() == REAL_TRAINING

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests.reproduction.paper1 import page, plots
 from tests.reproduction.paper1.experiments import EXPERIMENTS
-from tests.reproduction.paper1.footage import footage_folder
+from tests.reproduction.paper1.footage import football_folder
 from tests.reproduction.paper1.methods import Experiment
 from tests.reproduction.paper1.runner import initialise, play
 
@@ -28,7 +28,7 @@ def main(experiments: Sequence[Experiment] = EXPERIMENTS, docs: Path = DOCS) -> 
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=initialise) as pool:
         for experiment in experiments:
-            if experiment.needs_footage and footage_folder() is None:
+            if experiment.needs_footage and football_folder() is None:
                 skipped.append(f"**{experiment.title}: skipped, because the footage is not here.**")
                 continue
             began = time.monotonic()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
+from tests.footage import footage_folder
 from tests.reproduction.paper1.scenes import EMPTY, Scene, noisy, with_empty
 
 FEED_FPS, FEED_MARGIN = 4.0, 12
@@ -58,15 +58,9 @@ def feed(seed: int, noise: float) -> Scene:
     raise ValueError(f"feed of seed {seed}: no lump is alone in the picture")
 
 
-def footage_folder() -> Path | None:
-    """The football footage, or None where it is missing.
-
-    It is looked for in $LUMPWATCH_FOOTAGE, then in ../shared/data beside the repository.
-    """
-    root = os.environ.get("LUMPWATCH_FOOTAGE")
-    base = Path(root) if root else Path(__file__).parents[4] / "shared" / "data"
-    folder = base / "soccer-juggling"
-    return folder if (folder / "juggling.mp4").is_file() and (folder / "gt.txt").is_file() else None
+def football_folder() -> Path | None:
+    """The football footage, or None where it is missing."""
+    return footage_folder("soccer-juggling", "juggling.mp4", "gt.txt")
 
 
 REAL_WIDTH, REAL_FPS, REAL_TRAINING = 320, 30.0, 125
@@ -78,7 +72,7 @@ def football(seed: int, noise: float, training: bool, empty: tuple[int, int] = E
     The ball is never out of view; the frames without it show the median picture of their half. The
     seed draws the noise that is added. Raises FileNotFoundError where the footage is missing.
     """
-    folder = footage_folder()
+    folder = football_folder()
     if folder is None:
         raise FileNotFoundError("the football footage is missing")
     rng = np.random.default_rng([seed, 5])

@@ -26,6 +26,7 @@ from models.learning import (
     samples,
 )
 from models.learning.motion import Law, ModelSpec
+from models.learning.switches import fit_switching
 from models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
 from models.likelihood.histogram import Channel
 from models.motion import (
@@ -39,7 +40,7 @@ from models.motion import (
 from models.profile import RowProfile, learn_profile
 from models.roi import Roi, make_roi
 from models.state import H, W, X, Y, blank
-from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional, joint_probabilities
+from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
 from tests.reproduction.paper1.scenes import Scene
 
 Kind = Literal[
@@ -60,6 +61,8 @@ LAWS: dict[Kind, Law] = {
 }
 BIRTH, DEATH = 0.01, 0.01
 """Probability per frame that an object appears, and that it goes."""
+LEAST_PROBABILITY = 1e-6
+"""What a prediction is charged for at most: a single surprise would otherwise outweigh all steps."""
 LEAST_BANDWIDTH_SHARE = 0.01
 """Floor of a kernel's bandwidth in picture heights."""
 
@@ -216,28 +219,55 @@ def learn_all_motions(experiment: Experiment, knowledge: Knowledge) -> tuple[Mot
 
 
 def learn_motions(experiment: Experiment, method: Method, knowledge: Knowledge) -> Motions:
-    """Rates, Eq. 13 and Eq. 14 for the method's models.
-
-    With `state_first` alpha_{t-1} moves x_t, so that alpha_t is the model of the step after: the label
-    that goes with x_{t-1} is the next step's. The pairs of labels, and with them Eq. 13, are the same.
-    """
+    """Rates, Eq. 13 and Eq. 14 for the method's models."""
     steps = knowledge.steps
     if method.kinds != experiment.kinds:  # labels name the experiment's models
         steps = replace(steps, given=np.full(len(steps.given), -1))
     height = float(knowledge.roi.shape[0])
     specs = [ModelSpec(LAWS[kind]) for kind in method.kinds]
     motion = fit_motion(steps, specs, 0.01 * height)
-    labels, states, count = motion.labels, steps.states, len(specs)
-    follows = np.flatnonzero(~steps.starts)
-    joint = joint_probabilities(labels[follows - 1], labels[follows], count)
+    count = len(specs)
+    switches = fit_switching(
+        steps,
+        motion.labels,
+        count,
+        density.COMPONENTS[experiment.component],
+        LEAST_BANDWIDTH_SHARE * height,
+        "likelihood",
+        state_first=method.order == "state_first",
+    )
     momentary = np.array([kind.startswith("bounce") for kind in method.kinds])
-    births = np.where(momentary, 0.0, np.bincount(labels, minlength=count) / len(labels) + 0.05)
-    if method.order == "state_first":
-        states, labels = states[follows - 1], labels[follows]
-    over, least = density.COMPONENTS[experiment.component], LEAST_BANDWIDTH_SHARE * height
-    densities = density.learn(states, labels, count, over, least, "likelihood")
+    shares = np.bincount(motion.labels, minlength=count) / len(motion.labels)
+    births = np.where(momentary, 0.0, shares + 0.05)
     noises = motion.spreads / motion.spreads.min()
-    return Motions(motion.rates, noises, conditional(joint), births / births.sum(), densities)
+    return Motions(
+        motion.rates, noises, conditional(switches.joint), births / births.sum(), switches.densities
+    )
+
+
+def label_prediction(
+    experiment: Experiment, knowledge: Knowledge, motions: Motions, scenes: Sequence[Scene]
+) -> tuple[float, float]:
+    """Mean log probability that Eq. 12 and Eq. 10 give to the true next model of the scenes' steps.
+
+    Without the filter and its picture: the true states are given, and labels where the scenes have none
+    are inferred from their boxes.
+    """
+    steps = samples(_tracks(scenes, knowledge.roi), knowledge.steps.interval_s, experiment.smoothing)
+    specs = [ModelSpec(LAWS[kind]) for kind in experiment.kinds]
+    labels = fit_motion(steps, specs, 0.01 * float(knowledge.roi.shape[0])).labels
+    now = np.flatnonzero(~steps.starts)
+    momentary = np.array([kind.startswith("bounce") for kind in experiment.kinds])
+    interval = steps.interval_s
+    switchings: tuple[Switching, ...] = (
+        AdaptiveSwitching(motions.matrix, interval, momentary, motions.densities),
+        FixedSwitching(motions.matrix, interval, momentary),
+    )
+    adaptive, fixed = (
+        float(np.log(np.maximum(rows[np.arange(len(now)), labels[now]], LEAST_PROBABILITY)).mean())
+        for rows, _ in (s.rows(steps.states[now], labels[now - 1], interval) for s in switchings)
+    )
+    return adaptive, fixed
 
 
 def make_filter(

@@ -15,6 +15,7 @@ from tests.reproduction.paper1.methods import (
     Knowledge,
     Method,
     Motions,
+    label_prediction,
     labelled_views,
     learn,
     learn_all_motions,
@@ -57,6 +58,8 @@ class Result:
     scene: Scene
     """Test scene of the first seed."""
     outcomes: tuple[Outcome, ...]
+    prediction: tuple[float, float]
+    """Mean log probability of the next model on the test scenes by Eq. 12 and by Eq. 10."""
 
 
 def initialise() -> None:
@@ -87,7 +90,9 @@ def play(experiment: Experiment, pool: Executor) -> Result:
         )
         for m, method in enumerate(methods)
     )
-    return Result(prepared, experiment.scene(experiment.test_seeds[0]), outcomes)
+    scenes = [experiment.scene(seed) for seed in experiment.test_seeds]
+    prediction = label_prediction(experiment, prepared.knowledge, prepared.motions[0], scenes)
+    return Result(prepared, scenes[0], outcomes, prediction)
 
 
 def prepare(experiment: Experiment) -> Prepared:
