@@ -115,7 +115,8 @@ def _summary(results: list[Result]) -> str:
     rows += [
         "",
         """By detected less false alarms; *no difference* where the 95 % interval holds zero. The last two columns
-need no filter: the mean log probability that the learned prediction function gives to the true next model, from the true state before it, over the test scenes (0 is best).""",
+need no filter: the mean log probability that the learned prediction function gives to the true next model,
+from the true state before it, over the test scenes (0 is best).""",
     ]
     for result in results:
         if result.prepared.experiment.key == "square_noisy":
