@@ -6,6 +6,9 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
+# What the metrics are checked against. Without its dependencies: its opencv-python would overwrite ours.
+ORACLE := trackeval==1.3.0
+
 # What some tests need beside Python: a third-party RTSP server, and Prometheus' own checker.
 SYSTEM_PACKAGES := prometheus python3-gi gir1.2-gst-rtsp-server-1.0 \
 	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
@@ -22,6 +25,7 @@ $(READY): pyproject.toml requirements.lock
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --requirement requirements.lock
 	$(BIN)/pip install --quiet --no-deps --editable .
+	@$(BIN)/pip install --quiet --no-deps $(ORACLE) || echo "$(ORACLE) cannot be installed: the tests that compare with it say so"
 	@touch $@
 
 demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself

@@ -25,7 +25,7 @@ from tests.test_bus_support import free_endpoint
 from tests.test_messages import RECORDS
 
 LUMPWATCH = str(Path(sys.executable).with_name("lumpwatch"))
-COMMANDS = ("run", "demo", "replay", "train", "priors", "check", "schema", "alarms", "simulate")
+COMMANDS = ("run", "demo", "replay", "evaluate", "train", "priors", "check", "schema", "alarms", "simulate")
 Captured = pytest.CaptureFixture[str]
 
 

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from service.cli import alarms, check, demo, priors, replay, run, schema, simulate, train
+from service.cli import alarms, check, demo, evaluate, priors, replay, run, schema, simulate, train
 from service.errors import LumpwatchError
 
-_COMMANDS = (run, demo, replay, train, priors, check, schema, alarms, simulate)
+_COMMANDS = (run, demo, replay, evaluate, train, priors, check, schema, alarms, simulate)
 
 
 class _Parser(argparse.ArgumentParser):

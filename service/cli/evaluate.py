@@ -1,0 +1,148 @@
+"""`lumpwatch evaluate`: a tracking result against labelled truth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+
+from pydantic import ValidationError
+from rich.console import Console
+from rich.table import Table
+
+from models.evaluation import METRICS, Scores, Tracks, tracks_of
+from models.evaluation import evaluate as run_evaluation
+from service.cli.common import Commands, add_command
+from service.errors import ConfigError, LumpwatchError
+from service.labels import read_labels
+from service.messages import StateLine
+
+Row = tuple[int, int, tuple[float, float, float, float]]
+"""Frame, track and box."""
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "evaluate",
+        evaluate,
+        "Compare a tracking result with labelled truth: detection and tracking accuracy (VACE), CLEAR MOT "
+        "and identity metrics.",
+        "lumpwatch evaluate out/states.jsonl gt.txt --roi apron",
+    )
+    parser.add_argument(
+        "result",
+        type=Path,
+        metavar="RESULT",
+        help="states.jsonl of a replay, or MOTChallenge text: frame,id,x,y,w,h,…",
+    )
+    parser.add_argument("truth", type=Path, metavar="TRUTH", help="labels, MOTChallenge text")
+    parser.add_argument(
+        "--threshold",
+        type=float,
+        default=0.5,
+        help="least overlap (intersection over union) of a pair of boxes, 0 to 1 (default 0.5)",
+    )
+    parser.add_argument("--camera", metavar="ID", help="camera, where a states.jsonl holds several")
+    parser.add_argument("--roi", metavar="ID", help="ROI, where a states.jsonl holds several")
+    parser.add_argument("--json", action="store_true", help="print all scores and counts as JSON")
+
+
+def evaluate(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if not 0.0 <= arguments.threshold <= 1.0:
+        raise ConfigError(f"--threshold {arguments.threshold:g}: must be within 0 and 1")
+    truth = _labels(arguments.truth)
+    result = _result(arguments.result, arguments.camera, arguments.roi)
+    scores = run_evaluation(result, truth, arguments.threshold)
+    if arguments.json:
+        content = {key: None if math.isnan(value) else value for key, value in asdict(scores).items()}
+        sys.stdout.write(json.dumps(content, indent=2) + "\n")
+    else:
+        _print(scores, f"{arguments.result.name} against {arguments.truth.name}")
+    return 0
+
+
+def _result(path: Path, camera: str | None, roi: str | None) -> Tracks:
+    """A result in either format; an empty file is a result without boxes. Raises LumpwatchError."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise LumpwatchError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise LumpwatchError(f"{path}: is not text") from error
+    if text.lstrip().startswith("{"):
+        return _tracks(_states(path, text, camera, roi), path)
+    for option, value in (("--camera", camera), ("--roi", roi)):
+        if value is not None:
+            raise ConfigError(f"{option} {value}: {path} is not a states.jsonl, its boxes have no such thing")
+    return _labels(path) if text.strip() else _tracks((), path)
+
+
+def _labels(path: Path) -> Tracks:
+    boxes = read_labels(path)
+    return _tracks(((box.frame, box.track, (box.x, box.y, box.w, box.h)) for box in boxes), path)
+
+
+def _states(path: Path, text: str, camera: str | None, roi: str | None) -> list[Row]:
+    """The boxes of the one ROI that is meant."""
+    rows: list[Row] = []
+    present: set[tuple[str, str]] = set()
+    chosen: set[tuple[str, str]] = set()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            state = StateLine.model_validate_json(line)
+        except ValidationError as error:
+            raise LumpwatchError(f"{path}, line {number}: is not a line of states.jsonl") from error
+        present.add((state.camera, state.roi))
+        if camera in (None, state.camera) and roi in (None, state.roi):
+            chosen.add((state.camera, state.roi))
+            rows += [(state.frame, found.id, (found.x, found.y, found.w, found.h)) for found in state.objects]
+    if len(chosen) != 1:
+        known = ", ".join("/".join(one) for one in sorted(present))
+        asked = " ".join(f"{name} {value}" for name, value in (("--camera", camera), ("--roi", roi)) if value)
+        reason = "fits more than one" if chosen else "fits none"
+        raise ConfigError(
+            f"{asked or 'without --camera and --roi'}: {reason} of the ROIs in {path} ({known})"
+        )
+    return rows
+
+
+def _tracks(rows: Iterable[Row], path: Path) -> Tracks:
+    columns = tuple(zip(*rows, strict=True)) or ((), (), ())
+    try:
+        return tracks_of(*columns)
+    except ValueError as error:
+        raise LumpwatchError(f"{path}: {error}") from error
+
+
+def _print(scores: Scores, title: str) -> None:
+    table = Table(title=title)
+    for heading in ("metric", "value", "better", "says"):
+        table.add_column(
+            heading, no_wrap=heading != "says", justify="right" if heading == "value" else "left"
+        )
+    for metric in METRICS:
+        value = getattr(scores, metric.field)
+        table.add_row(metric.name, _figure(value), metric.better, metric.says)
+    console = Console()
+    console.print(table)
+    console.print(
+        f"boxes: {scores.truth_boxes} true, {scores.result_boxes} found; "
+        f"tracks: {scores.truth_tracks} true, {scores.result_tracks} found; "
+        f"frames: {scores.frames}; threshold: {scores.threshold:g}",
+        highlight=False,
+    )
+
+
+def _figure(value: float) -> str:
+    if math.isnan(value):
+        return "undefined"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"
