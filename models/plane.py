@@ -1,0 +1,234 @@
+"""The belt seen by a camera: from boxes in the picture to millimetres on the belt, with their errors.
+
+A few points of the belt whose place is known, in pixels and in millimetres, give the homography of the
+belt's plane (normalised direct linear transform; Hartley, Zisserman 2004, section 4.4). With square
+pixels and the principal point in the middle of the picture the homography also gives the focal length
+and the camera's place over the belt (Zhang 2000, section 3.1). An object is taken for a sphere of
+diameter D that lies on the belt; the ray through the middle of its box meets the sphere's centre D / 2
+above the belt, and its silhouette covers the angle alpha with sin(alpha) = (D / 2) / distance:
+
+    D / 2 = h sin(alpha) / (|d_z| + sin(alpha))
+
+with h the camera's height over the belt and d the ray's direction.
+
+Errors are propagated to first order: every result is computed again with each picture coordinate of
+the calibration, and each component of the box, moved by its standard deviation; the squares of the
+differences add up to the variance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_LEAST_POINTS = 4
+_STEP_S = 0.02
+"""Time over which a velocity in the picture is followed on the belt."""
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Pinhole cameras (k of them: one for the calibration, one for each of its errors)."""
+
+    focal: Array
+    """px (k,)"""
+    rotation: Array
+    """Rows: the axes of the belt (along its x, its y, and up) in the camera's frame (k, 3, 3)."""
+    centre: Array
+    """The camera's place in belt coordinates, mm (k, 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeltPlane:
+    """A calibrated belt; picture coordinates are pixels of the whole picture."""
+
+    middle: tuple[float, float]
+    """Principal point."""
+    cameras: Camera
+    """The estimate, then one for each picture coordinate of the calibration moved by its error."""
+    lip: tuple[Array, Array]
+    """A point of the lip for each camera, mm (k, 2), and the unit normal that points beyond it (k, 2)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """A figure and its standard deviation."""
+
+    value: float
+    spread: float
+
+
+@dataclass(frozen=True, slots=True)
+class OnBelt:
+    """What a box says about the object on the belt."""
+
+    equivalent_mm: Measure
+    """Diameter of the sphere that covers as much of the picture."""
+    longest_mm: Measure
+    """The same, times the longer over the mean side of the box."""
+    speed_m_s: Measure
+    distance_m: Measure
+    """From the object's centre to the lip, along the lip's normal; negative beyond it."""
+    lip_s: Measure | None
+    """Seconds until the centre reaches the lip at this speed; None where it does not move towards it."""
+
+
+def fit_plane(
+    points_px: Array, points_mm: Array, error_px: float, size: tuple[int, int], lip_px: Array
+) -> BeltPlane:
+    """The plane from picture points (n, 2) and their places on the belt (n, 2), in a picture of `size` (w, h).
+
+    `lip_px` (2, 2) are two points of the line behind which the belt ends. Raises ValueError for fewer
+    than four points, three or more on a line where four are needed, and points that no camera with
+    square pixels can have seen.
+    """
+    points_px, points_mm = np.asarray(points_px, float), np.asarray(points_mm, float)
+    lip_px = np.asarray(lip_px, float)
+    if points_px.shape != points_mm.shape or points_px.ndim != 2 or points_px.shape[1] != 2:
+        raise ValueError("calibration: as many picture points as belt points, two coordinates each")
+    if len(points_px) < _LEAST_POINTS:
+        raise ValueError(f"calibration: needs {_LEAST_POINTS} points at least, not {len(points_px)}")
+    if not error_px > 0:
+        raise ValueError("calibration: the error of a point must be positive")
+    middle = (size[0] / 2.0, size[1] / 2.0)
+    moved = [points_px]
+    for coordinate in range(points_px.size):
+        other = points_px.copy()
+        other.flat[coordinate] += error_px
+        moved.append(other)
+    homographies = np.stack([_homography(points_mm, one - middle) for one in moved])
+    cameras = _cameras(homographies, points_mm.mean(axis=0))
+    plane = BeltPlane(middle, cameras, (np.zeros((1, 2)), np.zeros((1, 2))))
+    ends = [_meet(plane, np.tile(end, (len(moved), 1)), np.arange(len(moved)), 0.0)[:, :2] for end in lip_px]
+    along = ends[1] - ends[0]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    if not np.all(length > 0):
+        raise ValueError("calibration: the two points of the lip are the same")
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / length
+    # The belt lies on the near side of the lip: the normal points away from the calibration points.
+    inwards = np.einsum("kc,kc->k", normal, points_mm.mean(axis=0) - ends[0])
+    normal = np.where(inwards[:, None] > 0, -normal, normal)
+    return BeltPlane(middle, cameras, (ends[0], normal))
+
+
+def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnBelt | None:
+    """What a box (x, y, w, h by its centre, px) with a velocity (px/s) says, None where it is not on the belt.
+
+    `errors` (6,) are the standard deviations of x, y, w, h and the velocity along x and y.
+    """
+    state = np.concatenate([box, velocity])
+    k = len(plane.cameras.focal)
+    states = np.tile(state, (k + len(errors), 1))
+    states[k + np.arange(len(errors)), np.arange(len(errors))] += errors
+    chosen = np.concatenate([np.arange(k), np.zeros(len(errors), np.intp)])
+    if not np.all(states[:, 2:4] > 0):
+        return None
+    radius, ray_ok = _radius(plane, states, chosen)
+    if not ray_ok:
+        return None
+    here = _meet(plane, states[:, :2], chosen, radius)[:, :2]
+    there = _meet(plane, states[:, :2] + _STEP_S * states[:, 4:], chosen, radius)[:, :2]
+    speed = (there - here) / _STEP_S / 1000.0
+    point, normal = plane.lip[0][chosen], plane.lip[1][chosen]
+    distance = np.einsum("kc,kc->k", point - here, normal) / 1000.0
+    towards = np.einsum("kc,kc->k", speed, normal)
+    longer = states[:, 2:4].max(axis=1) / np.sqrt(states[:, 2] * states[:, 3])
+    return OnBelt(
+        _measured(2.0 * radius),
+        _measured(2.0 * radius * longer),
+        _measured(np.linalg.norm(speed, axis=1)),
+        _measured(distance),
+        _measured(distance / towards) if towards[0] > 2.0 * _measured(towards).spread else None,
+    )
+
+
+def _measured(values: Array) -> Measure:
+    return Measure(float(values[0]), float(np.sqrt(np.square(values[1:] - values[0]).sum())))
+
+
+def _rays(plane: BeltPlane, points: Array, chosen: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Unit directions (n, 3) in belt coordinates through picture points (n, 2); cosines to the axis (n,)."""
+    focal = plane.cameras.focal[chosen]
+    direction = np.column_stack([points - plane.middle, focal])
+    length = np.linalg.norm(direction, axis=1)
+    return np.einsum(
+        "nij,nj->ni", plane.cameras.rotation[chosen], direction / length[:, None]
+    ), focal / length
+
+
+def _radius(plane: BeltPlane, states: Array, chosen: NDArray[np.intp]) -> tuple[Array, bool]:
+    """Radius (n,) of the sphere on the belt behind each box, mm; False where a ray does not go down."""
+    direction, cosine = _rays(plane, states[:, :2], chosen)
+    falls = -direction[:, 2]
+    # Area of the ellipse in the box, as solid angle: off the axis a pixel covers less of it.
+    solid = 0.25 * np.pi * states[:, 2] * states[:, 3] * cosine**3 / plane.cameras.focal[chosen] ** 2
+    sine = np.sqrt(solid / np.pi)
+    radius = plane.cameras.centre[chosen, 2] * sine / (falls + sine)
+    return radius, bool(np.all(falls > 0))
+
+
+def _meet(plane: BeltPlane, points: Array, chosen: NDArray[np.intp], height: Array | float) -> Array:
+    """Where rays through picture points (n, 2) are at a height over the belt, mm (n, 3)."""
+    direction, _ = _rays(plane, points, chosen)
+    centre = plane.cameras.centre[chosen]
+    falls = np.minimum(direction[:, 2], -1e-9)
+    reach = (height - centre[:, 2]) / falls
+    return centre + reach[:, None] * direction
+
+
+def _homography(source: Array, target: Array) -> Array:
+    """3x3, source (n, 2) to target (n, 2), least squares of the algebraic error after normalising."""
+    source, from_source = _normalised(source)
+    target, from_target = _normalised(target)
+    rows = []
+    for (x, y), (u, v) in zip(source, target, strict=True):
+        rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y, -u])
+        rows.append([0, 0, 0, x, y, 1, -v * x, -v * y, -v])
+    _, singular, vectors = np.linalg.svd(np.array(rows, float))
+    # One vector solves the system; a second one means that the points do not fix the plane.
+    if singular[7] < 1e-6 * singular[0]:
+        raise ValueError("calibration: too many of the points lie on one line")
+    found = np.linalg.inv(from_target) @ vectors[-1].reshape(3, 3) @ from_source
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def _normalised(points: Array) -> tuple[Array, Array]:
+    centre = points.mean(axis=0)
+    scale = np.sqrt(2.0) / max(float(np.linalg.norm(points - centre, axis=1).mean()), 1e-12)
+    matrix = np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
+    return (points - centre) * scale, matrix
+
+
+def _cameras(homographies: Array, inside: Array) -> Camera:
+    """The cameras of homographies belt -> picture (k, 3, 3); `inside` is a belt point that they see."""
+    focal, rotation, centre = [], [], []
+    for homography in homographies:
+        in_front = float(homography[2] @ (*inside, 1.0))
+        first, second, third = np.where(in_front > 0, 1.0, -1.0) * homography.T
+        # r1 and r2 are orthogonal and of one length: two equations for 1 / f^2.
+        known = np.array([first[:2] @ second[:2], first[:2] @ first[:2] - second[:2] @ second[:2]])
+        wanted = -np.array([first[2] * second[2], first[2] ** 2 - second[2] ** 2])
+        inverse = float(known @ wanted) / max(float(known @ known), 1e-300)
+        if not inverse > 0:
+            raise ValueError(
+                "calibration: no camera with square pixels sees these points like that; "
+                "check their order and the belt's measures"
+            )
+        f = 1.0 / np.sqrt(inverse)
+        columns = [np.array([*(column[:2] / f), column[2]]) for column in (first, second, third)]
+        scale = 2.0 / (np.linalg.norm(columns[0]) + np.linalg.norm(columns[1]))
+        r1, r2, t = (scale * column for column in columns)
+        r1 = r1 / np.linalg.norm(r1)
+        r2 = r2 - r1 * (r1 @ r2)
+        r2 = r2 / np.linalg.norm(r2)
+        axes = np.stack([r1, r2, np.cross(r1, r2)])
+        place = -axes @ t
+        if place[2] < 0:  # belt coordinates may be left-handed as seen by the camera: up is towards it
+            axes[2], place[2] = -axes[2], -place[2]
+        focal.append(f)
+        rotation.append(axes)
+        centre.append(place)
+    return Camera(np.array(focal), np.stack(rotation), np.stack(centre))
