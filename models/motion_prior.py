@@ -8,10 +8,11 @@ velocity.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from models.roi import Image
@@ -102,16 +103,20 @@ class MotionPrior:
     velocity_noise: float
     """px/s gathered in one second, where a cell falls back on the particle's own velocity."""
     momentary: bool = False
+    _cumulative: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Sum the histograms up once."""
+        flat = self.cells.counts.reshape(-1, VELOCITY_BINS**2)
+        object.__setattr__(self, "_cumulative", np.cumsum(flat, axis=1))
 
     def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
-        """Draw a velocity from the cell and move by it."""
+        """Draw a velocity from the cell and move by it; where the cell is not `known`, by the own velocity."""
         moved = states.copy()
         n = len(states)
-        cells = self.cells.counts.reshape(-1, VELOCITY_BINS**2)
-        cumulative = np.cumsum(cells, axis=1)
         mine = self.cells.cell_of(states)
-        totals = cumulative[mine, -1]
-        chosen = (cumulative[mine] <= (rng.random(n) * totals)[:, None]).sum(axis=1)
+        totals = self._cumulative[mine, -1]
+        chosen = _pick(self._cumulative, mine, rng.random(n) * totals)
         within = rng.random((n, 2))
         width = 2.0 * self.cells.fastest / VELOCITY_BINS
         drawn = -self.cells.fastest + width * (
@@ -123,3 +128,12 @@ class MotionPrior:
         moved[:, VX : VY + 1] = velocity
         moved[:, 4:6] = 0.0
         return moved
+
+
+@njit(cache=True)
+def _pick(cumulative, rows, places):  # type: ignore[no-untyped-def]
+    """The first column of each row whose sum passes the place."""
+    chosen = np.empty(len(rows), np.intp)
+    for i in range(len(rows)):
+        chosen[i] = np.searchsorted(cumulative[rows[i]], places[i], side="right")
+    return chosen

@@ -59,6 +59,10 @@ class ObjectRecord(Record):
     """Standard deviation of the centre along x, px."""
     spread_y: float
     """Standard deviation of the centre along y, px."""
+    model_shares: dict[str, float] = Field(default_factory=dict)
+    """Probability of each motion model by its name."""
+    wrong_way: bool = False
+    """Whether it moves against the configured direction."""
 
 
 class StateLine(Record):

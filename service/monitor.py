@@ -141,8 +141,7 @@ class Monitor:
                 self._metrics.decided(
                     result.roi,
                     now - result.frame.received_s,
-                    result.detection.effective_particles,
-                    result.detection.fell_back_share,
+                    result.detection,
                 )
             self._tell_change(result)
             self._decisions[result.roi] = result

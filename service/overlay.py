@@ -14,7 +14,7 @@ import numpy as np
 from models.roi import Image
 from models.state import Belief, H, W, X, Y
 from service.config import CameraConfig
-from service.detector import RoiDetector
+from service.detectors.base import Detector
 from service.encode import VideoWriter
 from service.errors import LumpwatchError
 from service.frames import Frame
@@ -26,7 +26,9 @@ _COLOURS = {
     Decision.LUMP: (60, 60, 235),
     Decision.BLIND: (0, 190, 240),
 }
-_MODELS = ((90, 220, 255), (255, 170, 60), (200, 120, 255), (120, 255, 120))
+_PARTICLES = ((90, 220, 255), (255, 170, 60), (200, 120, 255), (120, 255, 120))
+_TRACKS = ((60, 60, 235), (90, 200, 90), (235, 120, 50), (90, 220, 255), (200, 120, 255))
+"""Of motion models where there are no particles to see; red, green and blue first, as in paper 2."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -88,14 +90,18 @@ def draw(
         colour = _COLOURS[result.decision]
         corners = np.round(detector.roi.corners).astype(np.int32)
         cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
-        for cloud in detector.clouds():
+        clouds = detector.clouds()
+        palette = _PARTICLES if clouds else _TRACKS
+        for cloud in clouds:
             if cloud.existence > 0.1:
                 _draw_particles(canvas, detector, cloud, most_particles)
         for found in result.detection.objects if result.detection else ():
             low = (round(found.x), round(found.y))
             high = (round(found.x + found.w), round(found.y + found.h))
             cv2.rectangle(canvas, low, high, colour, 2, cv2.LINE_AA)
-            cv2.putText(canvas, found.model, (low[0], low[1] - 6), _FONT, 0.5, colour, 1, cv2.LINE_AA)
+            label = f"{found.model} WRONG WAY" if found.wrong_way else found.model
+            cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, colour, 1, cv2.LINE_AA)
+            _draw_shares(canvas, low, high[0] - low[0], [share for _, share in found.model_shares], palette)
         _draw_bar(canvas, row, result, colour)
     return canvas
 
@@ -108,12 +114,28 @@ def _bgr(frame: Frame) -> Image:
     return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
-def _draw_particles(canvas: Image, detector: RoiDetector, belief: Belief, most: int) -> None:
+def _draw_particles(canvas: Image, detector: Detector, belief: Belief, most: int) -> None:
     alive = np.flatnonzero(belief.exists)[:: max(1, int(belief.exists.sum()) // most)]
     boxes = detector.roi.to_frame(belief.states[alive][:, [X, Y, W, H]])
     centres = boxes[:, :2] + boxes[:, 2:] / 2
     for (x, y), label in zip(centres, belief.labels[alive], strict=True):
-        cv2.circle(canvas, (round(x), round(y)), 1, _MODELS[label % len(_MODELS)], -1, cv2.LINE_AA)
+        cv2.circle(canvas, (round(x), round(y)), 1, _PARTICLES[label % len(_PARTICLES)], -1, cv2.LINE_AA)
+
+
+def _draw_shares(
+    canvas: Image,
+    low: tuple[int, int],
+    width: int,
+    shares: Sequence[float],
+    palette: Sequence[tuple[int, int, int]],
+) -> None:
+    """A bar above a box: how probable each motion model is (paper 2, Fig. 1)."""
+    left = float(low[0])
+    for m, share in enumerate(shares):
+        right = left + share * width
+        span = (round(left), low[1] - 6), (round(right), low[1] - 2)
+        cv2.rectangle(canvas, *span, palette[m % len(palette)], -1)
+        left = right
 
 
 def _draw_bar(canvas: Image, row: int, result: RoiResult, colour: Sequence[int]) -> None:

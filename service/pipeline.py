@@ -15,9 +15,11 @@ from typing import Protocol
 from models.roi import make_roi
 from service.alarms import Alarm, Transition, acknowledge, step
 from service.config.cameras import CameraConfig, RoiConfig
-from service.detector import Detection, RoiDetector
+from service.detection import Detection
+from service.detectors.base import Detector
+from service.detectors.filters import DEFAULT_INTERVAL_S
+from service.detectors.make import make_detector
 from service.errors import LumpwatchError
-from service.filters import DEFAULT_INTERVAL_S
 from service.frames import Frame
 from service.messages import BlindReason, Decision
 from service.planes import working_colour, working_luma
@@ -76,7 +78,7 @@ class _Roi:
 
     config: RoiConfig
     prior: Prior | None
-    detector: RoiDetector | None = None
+    detector: Detector | None = None
     alarm: Alarm = field(default_factory=Alarm)
     detection: Detection | None = None
     failed: bool = False
@@ -102,7 +104,7 @@ class CameraPipeline:
         self._frame: Frame | None = None
         self._size: tuple[int, int] | None = None
 
-    def detector(self, roi: str) -> RoiDetector | None:
+    def detector(self, roi: str) -> Detector | None:
         """The detector of a ROI, for overlays; None before the first frame."""
         return self._rois[roi].detector
 
@@ -159,7 +161,7 @@ class CameraPipeline:
             self._rois[roi_id].detector, self._rois[roi_id].prior = detector, prior
         self._size = size
 
-    def _make_detector(self, roi: _Roi, width: int, height: int) -> tuple[RoiDetector, Prior | None]:
+    def _make_detector(self, roi: _Roi, width: int, height: int) -> tuple[Detector, Prior | None]:
         config = roi.config.detector
         try:
             geometry = make_roi(roi.config.polygon, width, height, config.working_size_px)
@@ -168,10 +170,10 @@ class CameraPipeline:
         if roi.prior is not None:
             try:
                 roi.prior.check_fits(roi.config, width, height)
-                return RoiDetector(config, geometry, roi.prior.learned), roi.prior
+                return make_detector(config, geometry, roi.prior.learned), roi.prior
             except LumpwatchError as error:
                 self._refuse(roi, error)
-        return RoiDetector(config, geometry, None), None
+        return make_detector(config, geometry, None), None
 
     def _process_roi(self, roi: _Roi, frame: Frame, dt: float, now_s: float) -> RoiResult:
         assert roi.detector is not None
@@ -186,7 +188,7 @@ class CameraPipeline:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
             log.exception("camera %s, roi %s: the filter failed", self._config.id, roi.config.id)
             roi.failed = True
-            roi.detector = RoiDetector(
+            roi.detector = make_detector(
                 roi.config.detector, roi.detector.roi, roi.prior.learned if roi.prior else None
             )
             return self._result(roi, None, now_s)

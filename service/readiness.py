@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from service.config import HistogramConfig, JdtConfig, SiteConfig
+from service.config import DetectorConfig, HistogramConfig, JdtConfig, SiteConfig
 from service.errors import ConfigError
 from service.store.priors import PriorStore
 
 
-def _needs_prior(detector: JdtConfig) -> str | None:
+def _needs_prior(detector: DetectorConfig) -> str | None:
     """What of the detector cannot work on stated defaults."""
-    if isinstance(detector.likelihood, HistogramConfig):
+    if isinstance(detector, JdtConfig) and isinstance(detector.likelihood, HistogramConfig):
         return "likelihood kind histogram"
     if any(model.kind == "motion_prior" for model in detector.models):
         return "motion model kind motion_prior"

@@ -46,6 +46,8 @@ def objects(result: RoiResult) -> tuple[ObjectRecord, ...]:
             id=found.id,
             spread_x=round(found.spread_x, 2),
             spread_y=round(found.spread_y, 2),
+            model_shares={name: round(share, 4) for name, share in found.model_shares},
+            wrong_way=found.wrong_way,
         )
         for found in result.detection.objects
     )

@@ -35,7 +35,7 @@ from models.motion_prior import CellVelocities
 from models.profile import RowProfile, learn_profile
 from models.roi import Roi
 from service.config.cameras import RoiConfig
-from service.config.detector import HistogramConfig, JdtConfig
+from service.config.jdt import HistogramConfig, JdtConfig
 from service.footage import Footage, TrainingError, read_footage
 from service.frames import Frame
 from service.labels import Box, LabelError, check_frames
@@ -103,7 +103,7 @@ def train(
     advance: Callable[[int], None] = lambda _: None,
 ) -> Trained:
     """Learn one ROI. `advance` is told the number of frames read. Raises LumpwatchError."""
-    config = roi.detector
+    config = roi.detector.learning
     footage = read_footage(roi, frames, boxes, advance)
     check_frames(boxes, footage.count, labels_path, video)
     tracks = _tracks(config, footage.roi, boxes, labels_path)

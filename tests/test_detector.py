@@ -13,8 +13,8 @@ from models.motion import Bounce, ConstantAcceleration, ConstantVelocity, Random
 from models.roi import make_roi
 from models.switching import AdaptiveSwitching, FixedSwitching
 from service.config import JdtConfig
-from service.detector import RoiDetector
-from service.filters import PriorMismatchError, make_filter, make_likelihood
+from service.detectors.jdt import JdtDetector
+from service.detectors.filters import PriorMismatchError, make_filter, make_likelihood
 from service.frames import Frame
 from service.planes import working_colour, working_luma
 from tests.service_helpers import POLYGON, bright_fit, camera, frame, learned, lump_fit
@@ -115,7 +115,7 @@ def test_the_detector_looks_at_colour_where_it_should() -> None:
     there[17:31, 29:43] = (0, 0, 255)
     existences = []
     for picture in (there, away):
-        detector = RoiDetector(chosen, ROI, learned(likelihood=red))
+        detector = JdtDetector(chosen, ROI, learned(likelihood=red))
         for _ in range(15):
             told = detector.step(gray, picture, 0.1)
         existences.append(told.existence)

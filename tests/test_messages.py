@@ -12,13 +12,14 @@ import pytest
 
 from service.alarms import Alarm, AlarmState, Change, Transition
 from service.cli.schema import text
-from service.detector import DetectedObject, Detection
+from service.detection import DetectedObject, Detection
 from service.messages import BlindReason, Decision, Heartbeat, RoiBeat, utc
 from service.pipeline import RoiResult
 from service.report import Clocks, alarm_event, state_line, state_message
 from tests.service_helpers import frame
 
-FOUND = DetectedObject(3, 101.2345, 50.0, 30.005, 20.0, 2.0, 3.333, 0.98765432, "belt")
+SHARES = (("belt", 0.750004), ("fall", 0.249996))
+FOUND = DetectedObject(3, 101.2345, 50.0, 30.005, 20.0, 2.0, 3.333, 0.98765432, "belt", SHARES)
 RAISED = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 100.0)
 RESULT = RoiResult(
     roi="apron",
@@ -158,6 +159,8 @@ def test_what_an_alarm_record_says() -> None:
             "id": 3,
             "spread_x": 2.0,
             "spread_y": 3.33,
+            "model_shares": {"belt": 0.75, "fall": 0.25},
+            "wrong_way": False,
         }
     ]
     assert data["timing"]["age_s"] == 0.125

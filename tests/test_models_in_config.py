@@ -17,7 +17,7 @@ from service.config import CameraConfig, JdtConfig, RoiConfig, parse
 from service.errors import ConfigError
 from service.feed.spec import FeedSpec
 from service.feed.write import WrittenFeed, write_video
-from service.filters import PriorMismatchError, make_filter
+from service.detectors.filters import PriorMismatchError, make_filter
 from service.labels import read_labels
 from service.readiness import check_priors
 from service.store.prior import Prior, PriorMeta, decode, encode

@@ -12,7 +12,7 @@ import pytest
 from service.alarms import AlarmState, Change
 from service.camera import Reducer
 from service.config import CameraConfig
-from service.detector import RoiDetector
+from service.detectors.jdt import JdtDetector
 from service.errors import LumpwatchError
 from service.frames import Frame
 from service.messages import BlindReason, Decision
@@ -222,7 +222,7 @@ def test_blindness_does_not_touch_the_alarm() -> None:
     assert result.alarm.state is AlarmState.UNACKNOWLEDGED
 
 
-class Failing(RoiDetector):
+class Failing(JdtDetector):
     """A detector whose step raises."""
 
     def step(self, gray: object, colour: object, dt: float) -> object:  # type: ignore[override]

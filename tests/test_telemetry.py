@@ -9,12 +9,14 @@ import subprocess
 import urllib.error
 import urllib.request
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
 from service.alarms import AlarmState, Change, Transition
+from service.detection import DetectedObject, Detection
 from service.messages import Decision
 from service.telemetry.http import TelemetryError, TelemetryServer
 from service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
@@ -33,7 +35,11 @@ def _camera(registry: CollectorRegistry) -> None:
 
 def _monitor(registry: CollectorRegistry) -> None:
     metrics = MonitorMetrics(registry, "cam", ("apron", "chute"))
-    metrics.decided("apron", 0.012, 850.0, 0.1)
+    shares = (("belt", 0.75), ("fall", 0.25))
+    found = DetectedObject(7, 0.0, 0.0, 9.0, 9.0, 1.0, 1.0, 0.97, "belt", shares, wrong_way=True)
+    other = replace(found, id=8, model_shares=(("belt", 0.25), ("fall", 0.75)), wrong_way=False)
+    metrics.decided("apron", 0.012, Detection(0.97, (found, other), 850.0, 0.1))
+    metrics.decided("apron", 0.012, Detection(0.97, (found, other), 850.0, 0.1))
     metrics.state("apron", Decision.LUMP, 0.97, AlarmState.UNACKNOWLEDGED)
     metrics.transition("apron", Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 1.0))
     metrics.prior("apron", 4, 60.0)
@@ -90,7 +96,7 @@ def test_labels_are_few_and_names_are_ours(process: str) -> None:
     assert len(samples) > 2
     for sample in samples:
         assert sample.name.startswith("lumpwatch_")
-        assert set(sample.labels) <= {"camera", "roi", "stage", "reason", "le", "version"}
+        assert set(sample.labels) <= {"camera", "roi", "stage", "reason", "model", "le", "version"}
         assert ("version" in sample.labels) is (sample.name == "lumpwatch_build_info")
 
 
@@ -122,7 +128,11 @@ def test_what_the_camera_counts() -> None:
 
 def test_what_the_monitor_counts() -> None:
     found = values(text_of(_monitor))
-    assert found["lumpwatch_frames_processed_total", "cam", "apron"] == 1
+    assert found["lumpwatch_frames_processed_total", "cam", "apron"] == 2
+    assert found["lumpwatch_objects", "cam", "apron"] == 2
+    assert found["lumpwatch_model_share_ratio", "cam", "belt", "apron"] == 0.5
+    assert found["lumpwatch_wrong_way_objects_total", "cam", "apron"] == 1  # once an object, not once a frame
+    assert found["lumpwatch_wrong_way_objects_total", "cam", "chute"] == 0
     assert found["lumpwatch_frames_processed_total", "cam", "chute"] == 0
     assert found["lumpwatch_existence_ratio", "cam", "apron"] == 0.97
     assert found["lumpwatch_alarm_active", "cam", "apron"] == 1

@@ -34,12 +34,11 @@ def check(arguments: argparse.Namespace) -> int:
     notes = check_priors(config)
     for camera in config.cameras:
         for roi in camera.rois:
-            models = ", ".join(model.name for model in roi.detector.models)
             table.add_row(
                 camera.id,
                 camera.source.redacted,
                 roi.id,
-                f"{roi.detector.kind} ({models}; {roi.detector.switching})",
+                roi.detector.summary,
                 notes[camera.id, roi.id],
             )
     Console().print(table)

@@ -8,7 +8,8 @@ from pydantic import Field, field_validator, model_validator
 
 from service.config.alarm import AlarmConfig
 from service.config.base import Id, PositiveSeconds, Strict, Unit
-from service.config.detector import JdtConfig
+from service.config.detector import DetectorConfig
+from service.config.jdt import JdtConfig
 from service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
@@ -53,7 +54,7 @@ class RoiConfig(Strict):
     """Name of the ROI, unique in its camera."""
     polygon: Polygon
     """Corners relative to the picture: (0, 0) top left, (1, 1) bottom right."""
-    detector: JdtConfig = JdtConfig()
+    detector: DetectorConfig = JdtConfig()
     """The filter that runs on this ROI."""
     alarm: AlarmConfig = AlarmConfig()
     """Thresholds and delays of the alarm."""

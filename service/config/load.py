@@ -128,6 +128,10 @@ def _variable(key: str, where: str, environ: Mapping[str, str]) -> str:
     raise ConfigError(f"{where}: environment variable {key} is not set (nor {key}_FILE)")
 
 
+_KINDS = frozenset({"jdt", "imm_pf", "jpda", "lump", "histogram", "mixture", "statistical"})
+"""Kinds that pydantic puts into the place of a problem, though no key of the file is called so."""
+
+
 def _first_problem(error: ValidationError) -> str:
     """One line: key, what was expected, what was found (never a secret), and how many more there are."""
     found_all = error.errors(include_url=False, include_context=False)
@@ -140,6 +144,8 @@ def _first_problem(error: ValidationError) -> str:
     first = problems[0]
     where = ""
     for part in first["loc"]:
+        if part in _KINDS:
+            continue
         where += f"[{part}]" if isinstance(part, int) else f".{part}" if where else str(part)
     kind, message = first["type"], str(first["msg"])
     if kind == "extra_forbidden":

@@ -1,6 +1,6 @@
 """The metrics of each process.
 
-Base units; labels are camera, roi, stage and reason only. A worker process fills a registry of its
+Base units; labels are camera, roi, stage, reason and model only. A worker process fills a registry of its
 own, whose text travels to the daemon (see `relay`).
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from service.alarms import AlarmState, Transition
+from service.detection import DetectedObject, Detection
 from service.messages import Decision
 
 _BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -146,18 +147,46 @@ class MonitorMetrics(_FrameMetrics):
             (*labels, "reason"),
             registry=registry,
         )
+        self._objects = gauge("lumpwatch_objects", "Objects that are more likely there than not.")
+        self._shares = Gauge(
+            "lumpwatch_model_share_ratio",
+            "Probability of each motion model, the mean over the objects that are there.",
+            (*labels, "model"),
+            registry=registry,
+        )
+        self._wrong_way = Counter(
+            "lumpwatch_wrong_way_objects",
+            "Objects that were flagged for moving against the configured direction.",
+            labels,
+            registry=registry,
+        )
+        self._flagged: dict[str, frozenset[int]] = {}
         for roi in rois:
+            self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
             self._blind.labels(camera, roi).set(1)
             for change in ("raised", "cleared", "acknowledged"):
                 self._transitions.labels(camera, roi, change)
 
-    def decided(self, roi: str, latency_s: float, effective: float, fell_back: float) -> None:
+    def decided(self, roi: str, latency_s: float, detection: Detection) -> None:
         """A ROI has decided on a frame."""
         self._processed.labels(self._camera, roi).inc()
         self._latency.labels(self._camera, roi).observe(latency_s)
-        self._effective.labels(self._camera, roi).set(effective)
-        self._fallback.labels(self._camera, roi).set(fell_back)
+        self._effective.labels(self._camera, roi).set(detection.effective_particles)
+        self._fallback.labels(self._camera, roi).set(detection.fell_back_share)
+        self._tell_objects(roi, detection.objects)
+
+    def _tell_objects(self, roi: str, objects: tuple[DetectedObject, ...]) -> None:
+        self._objects.labels(self._camera, roi).set(len(objects))
+        means: dict[str, float] = {}
+        for one in objects:
+            for model, share in one.model_shares:
+                means[model] = means.get(model, 0.0) + share / len(objects)
+        for model, share in means.items():
+            self._shares.labels(self._camera, roi, model).set(share)
+        flagged = frozenset(one.id for one in objects if one.wrong_way)
+        self._wrong_way.labels(self._camera, roi).inc(len(flagged - self._flagged.get(roi, frozenset())))
+        self._flagged[roi] = flagged
 
     def state(self, roi: str, decision: Decision, existence: float, alarm: AlarmState) -> None:
         """The present state of a ROI."""

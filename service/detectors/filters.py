@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -24,10 +25,11 @@ from models.motion import (
     RandomWalk,
 )
 from models.motion_prior import CellVelocities, MotionPrior
-from models.profile import default_profile
+from models.profile import RowProfile, default_profile
 from models.roi import Roi
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
-from service.config.detector import JdtConfig, LumpConfig, MotionConfig
+from service.config.jdt import JdtConfig, LumpConfig
+from service.config.motion import MotionConfig
 from service.default_lump import DEFAULT_LUMP
 from service.errors import ConfigError
 
@@ -49,17 +51,13 @@ class PriorMismatchError(ConfigError):
 
 def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilter:
     """The JDT filter in working pixels of the ROI; raises PriorMismatchError."""
-    if learned is not None:
-        _check(config, learned)
     height = float(roi.shape[0])
-    models = _motion_models(config, learned, height)
+    models = make_models(config.models, learned, height)
+    profile = make_profile(config.size_h, learned, height)
     if learned is None:
-        smallest, largest = (size * height for size in config.size_h)
-        profile = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
         births = np.array([0.0 if model.momentary else 1.0 for model in models])
         births = births / births.sum() if births.any() else np.full(len(models), 1 / len(models))
     else:
-        profile = learned.profile.scaled(height)
         births = learned.births
     return JdtFilter(
         models=models,
@@ -73,6 +71,14 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
         order=config.order,
         least_share=config.least_model_share,
     )
+
+
+def make_profile(size_h: tuple[float, float], learned: Learned | None, height: float) -> RowProfile:
+    """Sizes and velocities by row, learned or by default, in working pixels of a ROI of that height."""
+    if learned is not None:
+        return learned.profile.scaled(height)
+    smallest, largest = (size * height for size in size_h)
+    return default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
 
 
 def _births(config: JdtConfig, learned: Learned | None, anywhere: PolygonBirths, height: float) -> Births:
@@ -106,8 +112,8 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
     )
 
 
-def _check(config: JdtConfig, learned: Learned) -> None:
-    names = tuple(model.name for model in config.models)
+def _check_names(entries: Sequence[MotionConfig], learned: Learned) -> None:
+    names = tuple(entry.name for entry in entries)
     if names != learned.models:
         raise PriorMismatchError(
             f"the prior was trained for the models {', '.join(learned.models)}, "
@@ -115,16 +121,21 @@ def _check(config: JdtConfig, learned: Learned) -> None:
         )
 
 
-def _motion_models(config: JdtConfig, learned: Learned | None, height: float) -> tuple[MotionModel, ...]:
+def make_models(
+    entries: Sequence[MotionConfig], learned: Learned | None, height: float
+) -> tuple[MotionModel, ...]:
+    """The motion models in working pixels of a ROI of that height; raises PriorMismatchError."""
+    if learned is not None:
+        _check_names(entries, learned)
     if learned is not None and learned.cells is None:
-        for entry in config.models:
+        for entry in entries:
             if entry.kind == "motion_prior":
                 raise PriorMismatchError(
                     f"the prior holds no flow for the motion prior {entry.name}: train again"
                 )
     models: list[MotionModel] = []
-    default_rates = iter((*DEFAULT_RATES_H_S2, *[DEFAULT_RATES_H_S2[-1]] * len(config.models)))
-    for m, entry in enumerate(config.models):
+    default_rates = iter((*DEFAULT_RATES_H_S2, *[DEFAULT_RATES_H_S2[-1]] * len(entries)))
+    for m, entry in enumerate(entries):
         rate, noise = entry.acceleration_h_s2, entry.velocity_noise_h_s
         if learned is not None:
             rate = rate or (float(learned.rates[m, 0]), float(learned.rates[m, 1]))

@@ -1,4 +1,4 @@
-"""A ROI's filter with what changes from frame to frame."""
+"""The JDT filter of a ROI with its belief, random generator and prior (paper 1)."""
 
 from __future__ import annotations
 
@@ -15,39 +15,10 @@ from models.likelihood import Observation
 from models.multi import Looks, MultiBelief, MultiJdtFilter
 from models.roi import Image, Roi
 from models.state import Belief, Estimate, H, W, X, Y
-from service.config.detector import JdtConfig
-from service.filters import DEFAULT_INTERVAL_S, make_filter, make_likelihood
-
-LONGEST_STEP_S = 2.0
-"""After a longer gap between frames the objects may be anywhere: the search starts anew."""
-_SHOWN_ABOVE = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class DetectedObject:
-    """The estimate of one object; lengths in full-frame pixels."""
-
-    id: int
-    x: float
-    y: float
-    w: float
-    h: float
-    """Box by its top left corner."""
-    spread_x: float
-    spread_y: float
-    """Standard deviation of the centre."""
-    existence: float
-    model: str
-
-
-@dataclass(frozen=True, slots=True)
-class Detection:
-    """What the filter says of one frame."""
-
-    existence: float
-    objects: tuple[DetectedObject, ...]
-    effective_particles: float
-    fell_back_share: float
+from service.config.jdt import JdtConfig
+from service.detection import DetectedObject, Detection
+from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE
+from service.detectors.filters import DEFAULT_INTERVAL_S, make_filter, make_likelihood
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +72,7 @@ class _One:
     ) -> tuple[list[_Found], Diagnostics]:
         step = self._filter.step(self._belief, observation, dt, self._rng)
         self._belief = step.belief
-        present = step.belief.existence > _SHOWN_ABOVE
+        present = step.belief.existence > SHOWN_ABOVE
         self._id += present and not self._present
         self._present = present
         found = [] if step.estimate is None else [_Found(self._id, self.existence, step.estimate)]
@@ -156,8 +127,8 @@ def _mixed(single: JdtFilter, existence: float, dt: float) -> float:
     return (1 - p_death) * existence + p_birth * (1 - existence)
 
 
-class RoiDetector:
-    """The filter of one ROI with its belief, random generator and prior."""
+class JdtDetector:
+    """Satisfies `service.detectors.base.Detector`."""
 
     def __init__(self, config: JdtConfig, roi: Roi, learned: Learned | None) -> None:
         """Raises PriorMismatchError."""
@@ -190,13 +161,15 @@ class RoiDetector:
         view = self.roi.view(gray, colour)
         observation = self._likelihood.observe(view)
         found, told = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
-        objects = tuple(self._describe(one) for one in found if one.existence > _SHOWN_ABOVE)
+        objects = tuple(self._describe(one) for one in found if one.existence > SHOWN_ABOVE)
         return Detection(self._engine.existence, objects, told.effective_particles, told.fell_back_share)
 
     def _describe(self, found: _Found) -> DetectedObject:
         mean, spread = found.estimate.mean, found.estimate.spread / self.roi.scale
         x, y, w, h = (float(v) for v in self.roi.to_frame(mean[None, [X, Y, W, H]])[0])
-        model = self._config.models[int(found.estimate.model_shares.argmax())].name
+        names = [model.name for model in self._config.models]
+        shares = tuple(zip(names, found.estimate.model_shares.tolist(), strict=True))
+        model = names[int(found.estimate.model_shares.argmax())]
         return DetectedObject(
-            found.id, x, y, w, h, float(spread[X]), float(spread[Y]), found.existence, model
+            found.id, x, y, w, h, float(spread[X]), float(spread[Y]), found.existence, model, shares
         )
