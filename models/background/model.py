@@ -110,7 +110,7 @@ class StatisticalBackground:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that was learned as named arrays, copied. Raises ValueError before the first picture."""
-        return to_arrays(self._learned())
+        return to_arrays(self._learned()) | {"levels": self._levels}
 
     @classmethod
     def from_state(
@@ -121,8 +121,16 @@ class StatisticalBackground:
         Raises ValueError where an array is missing or does not fit the options.
         """
         model = cls(options)
-        model._tables = from_arrays(state, model.options)
+        levels = state.get("levels")
+        if levels is None or not np.array_equal(levels, model._levels):
+            raise ValueError(f"the state has levels {levels}, these options {model._levels}")
+        tables = {name: array for name, array in state.items() if name != "levels"}
+        model._tables = from_arrays(tables, model.options)
         return model
+
+    @property
+    def _levels(self) -> NDArray[np.int64]:
+        return np.array([self._options.static_levels, self._options.dynamic_levels])
 
     def with_options(self, options: BackgroundOptions) -> StatisticalBackground:
         """A copy that goes on with other options from what was learned.
@@ -154,7 +162,7 @@ def without_small(mask: Mask, least_area: int) -> Mask:
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=label)
     kept = np.where(stats[:, cv2.CC_STAT_AREA] >= least_area, 255, 0).astype(np.uint8)
     kept[0] = 0
-    return kept.take(labels)
+    return kept.take(np.asarray(labels, dtype=np.uint16 if label == cv2.CV_16U else np.int32))
 
 
 def _as_colour(picture: Picture) -> Picture:

@@ -61,7 +61,7 @@ class BackgroundOptions:
     least_area: int = 15
     """Pixels of the smallest connected region that is kept; 1 keeps all."""
     threads: int = 1
-    """Threads of the kernel. With 1 no thread pool is ever started."""
+    """Threads of the kernel, at most as many as numba has. With 1 no thread pool is ever started."""
 
     def __post_init__(self) -> None:
         """Raises ValueError with the name of what is out of range."""

@@ -98,7 +98,10 @@ def to_arrays(tables: Tables) -> dict[str, NDArray[Any]]:
 
 
 def from_arrays(named: Mapping[str, NDArray[Any]], options: BackgroundOptions) -> Tables:
-    """The inverse of `to_arrays`. Raises ValueError for a missing, unknown or ill-shaped array."""
+    """The inverse of `to_arrays`.
+
+    Raises ValueError for an array that is missing, unknown, ill-shaped or has impossible numbers.
+    """
     shape = np.shape(named.get("background", ()))
     if len(shape) != 3 or shape[2] != 3:
         raise ValueError(f"background is missing or not a picture (h, w, 3): {shape}")
@@ -114,6 +117,10 @@ def from_arrays(named: Mapping[str, NDArray[Any]], options: BackgroundOptions) -
             )
         if given.dtype.kind == "f" and not np.isfinite(given).all():
             raise ValueError(f"{name} holds numbers that are not finite")
+        if name == "background" and (given.min() < 0.0 or given.max() > 255.0):
+            raise ValueError("background holds numbers that are no grey levels")
+        if name.endswith("_gain") and given.min() <= 0.0:
+            raise ValueError(f"{name} holds numbers that are not positive")
         array, _, field = name.partition(".")
         if name != "frames":
             target = getattr(tables, array)
