@@ -27,7 +27,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-LARGEST_EXACT = 16
+LARGEST_EXACT = 14
 """A cluster's smaller side beyond which sums over subsets are refused."""
 _SWEEPS = 200
 _SETTLED = 1e-7

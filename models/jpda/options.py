@@ -51,7 +51,7 @@ class JpdaOptions:
     """Exponent of the spatial likelihood ratio (Eq. 33)."""
     colour: ColourOptions = field(default_factory=ColourOptions)
     exact: int = 12
-    """Largest cluster whose marginals are summed exactly."""
+    """Smaller side of the largest cluster whose marginals are summed exactly; time doubles with each."""
     most: int = 64
     """Largest number of targets."""
 
@@ -79,7 +79,7 @@ class JpdaOptions:
     shared_s: float = 1.0
     """A target that has lain on an older one for longer is the same object."""
     exits: Sequence[Polygon] = ()
-    """Where a target ends when it is missed once; beside them, the edges of the picture when it moves out."""
+    """Where a target ends when it is missed once; so does one that would leave the picture within `missed_s`."""
 
     size_s: float = 0.2
     """Time constant with which a target's box follows the measured sizes."""

@@ -219,24 +219,18 @@ class JpdaTracker:
         """Drop targets that have left, were not seen for long, or are the same object as an older one."""
         options = self._options
         self._share(beta, dt)
-        h, w = self._shape
-        leaving = inside(self._states.mean[:, :2], options.exits)
+        picture = np.array(self._shape[::-1], dtype=float)
+        centre, velocity = self._states.mean[:, :2], self._states.mean[:, 2:4]
+        ahead = centre + options.missed_s * velocity
+        leaves = inside(centre, options.exits) | np.any((ahead < 0.0) | (ahead > picture), axis=1)
+        gone = np.any(np.abs(centre - 0.5 * picture) >= 0.5 * (self._sizes() + picture), axis=1)
         kept = []
         for i, target in enumerate(self._targets):
-            x, y, vx, vy = self._states.mean[i, :4]
-            outwards = (
-                (vx < 0.0 and x < 0.5 * target.width) or (vx > 0.0 and x > w - 0.5 * target.width)
-                or (vy < 0.0 and y < 0.5 * target.height) or (vy > 0.0 and y > h - 0.5 * target.height)
-            )  # fmt: skip
-            missed = target.misses > 0
             ends = (
                 target.existence < options.end_below
                 or (target.misses > 1 and target.missed_s > options.missed_s + _ROUNDING_S)
-                or (missed and (leaving[i] or outwards))
-                or not (
-                    abs(x - 0.5 * w) < 0.5 * (w + target.width)
-                    and abs(y - 0.5 * h) < 0.5 * (h + target.height)
-                )
+                or (target.misses > 0 and leaves[i])
+                or gone[i]
                 or target.shared_s > (options.shared_s if target.confirmed else 0.0)
             )
             if not ends:

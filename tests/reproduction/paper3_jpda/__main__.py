@@ -1,0 +1,19 @@
+"""The experiments, written below a folder of one's own: for developing."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+from tests.reproduction.paper3_jpda import DOCS, main  # noqa: E402 - threads are counted at import
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m tests.reproduction.paper3_jpda", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="three seeds and two sequences")
+    parser.add_argument("--out", type=Path, default=DOCS, help="folder for results/ and images/")
+    arguments = parser.parse_args()
+    main(arguments.quick, arguments.out)
