@@ -71,9 +71,9 @@ class OnBelt:
     """The same, times the longer over the mean side of the box."""
     speed_m_s: Measure
     distance_m: Measure
-    """From the object's centre to the lip, along the lip's normal; negative beyond it."""
+    """From the object's leading side to the lip, along the lip's normal; negative beyond it."""
     lip_s: Measure | None
-    """Seconds until the centre reaches the lip at this speed; None where it does not move towards it."""
+    """Seconds until it gets there at this speed; None where it does not move towards the lip."""
 
 
 def fit_plane(
@@ -133,7 +133,7 @@ def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnB
     there = _meet(plane, states[:, :2] + _STEP_S * states[:, 4:], chosen, radius)[:, :2]
     speed = (there - here) / _STEP_S / 1000.0
     point, normal = plane.lip[0][chosen], plane.lip[1][chosen]
-    distance = np.einsum("kc,kc->k", point - here, normal) / 1000.0
+    distance = (np.einsum("kc,kc->k", point - here, normal) - radius) / 1000.0
     towards = np.einsum("kc,kc->k", speed, normal)
     longer = states[:, 2:4].max(axis=1) / np.sqrt(states[:, 2] * states[:, 3])
     return OnBelt(
@@ -232,3 +232,18 @@ def _cameras(homographies: Array, inside: Array) -> Camera:
         rotation.append(axes)
         centre.append(place)
     return Camera(np.array(focal), np.stack(rotation), np.stack(centre))
+
+
+def rectangle_of_width(corners_px: Array, width_mm: float, focal_px: float, size: tuple[int, int]) -> Array:
+    """Places (4, 2) on the belt of a rectangle's corners: far left, far right, near right, near left.
+
+    Its length follows from the focal length: both sides of the rectangle are seen by one camera.
+    Raises ValueError for corners that no such camera can have seen.
+    """
+    unit = np.array([[0.0, 0.0], [width_mm, 0.0], [width_mm, 1.0], [0.0, 1.0]])
+    homography = _homography(unit, np.asarray(corners_px, float) - np.array(size) / 2.0)
+    across, along, _ = (np.array([*(column[:2] / focal_px), column[2]]) for column in homography.T)
+    length = float(np.linalg.norm(along) / np.linalg.norm(across))
+    if not np.isfinite(length) or length <= 0:
+        raise ValueError("calibration: the edges of the belt cannot be seen like that")
+    return unit * (1.0, length)

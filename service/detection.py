@@ -6,6 +6,28 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class LumpSize:
+    """An object on a calibrated belt."""
+
+    speed_m_s: float
+    distance_m: float
+    """To the lip; negative beyond it."""
+    lip_s: float | None
+    """Seconds until it reaches the lip; None where it does not move towards it."""
+    lip_spread_s: float | None
+    """Standard deviation of that."""
+    longest_mm: float | None = None
+    """Longest diameter; None as long as the object was not seen as a whole."""
+    low_mm: float | None = None
+    high_mm: float | None = None
+    """The interval that holds it with 90 %."""
+    equivalent_mm: float | None = None
+    """Diameter of a sphere that covers as much of the picture."""
+    over_limit: float = 1.0
+    """Probability that the longest diameter is above the limit; 1 where that is not known."""
+
+
+@dataclass(frozen=True, slots=True)
 class DetectedObject:
     """The estimate of one object; lengths in full-frame pixels."""
 
@@ -25,6 +47,16 @@ class DetectedObject:
     """Name and probability of each motion model."""
     wrong_way: bool = False
     """Whether it moves against the configured direction."""
+    vx: float = 0.0
+    vy: float = 0.0
+    """Velocity, px/s."""
+    spread_w: float = 0.0
+    spread_h: float = 0.0
+    """Standard deviation of width and height."""
+    spread_v: float = 0.0
+    """Standard deviation of the velocity along each axis, px/s."""
+    size: LumpSize | None = None
+    """On a calibrated belt only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +64,16 @@ class Detection:
     """What the filter says of one frame."""
 
     existence: float
+    """Probability that an object is there."""
     objects: tuple[DetectedObject, ...]
     effective_particles: float = 0.0
     """0 for a detector without particles."""
     fell_back_share: float = 0.0
     """Share of particles far from all training data (jdt only)."""
+    oversize: float | None = None
+    """Probability that an object above the limit is there; None without a calibration."""
+
+    @property
+    def alarming(self) -> float:
+        """What the alarm judges."""
+        return self.existence if self.oversize is None else self.oversize

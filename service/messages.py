@@ -38,6 +38,29 @@ class Record(BaseModel):
         return self.model_dump_json().encode()
 
 
+class SizeRecord(Record):
+    """An object on a calibrated belt."""
+
+    longest_mm: float | None = None
+    """Longest diameter; null as long as it was not seen as a whole."""
+    low_mm: float | None = None
+    """Lower end of the interval that holds it with 90 %."""
+    high_mm: float | None = None
+    """Upper end of that interval."""
+    equivalent_mm: float | None = None
+    """Diameter of a sphere that covers as much of the picture."""
+    over_limit: float = 1.0
+    """Probability that the longest diameter is above the limit; 1 where that is not known."""
+    speed_m_s: float
+    """Speed on the belt."""
+    distance_m: float
+    """Distance to the lip; negative beyond it."""
+    lip_s: float | None = None
+    """Seconds until it reaches the lip; null where it does not move towards it."""
+    lip_spread_s: float | None = None
+    """Standard deviation of `lip_s`."""
+
+
 class ObjectRecord(Record):
     """One object, in full-frame pixels."""
 
@@ -63,6 +86,8 @@ class ObjectRecord(Record):
     """Probability of each motion model by its name."""
     wrong_way: bool = False
     """Whether it moves against the configured direction."""
+    size: SizeRecord | None = None
+    """Size, speed and time to the lip; null without a calibration."""
 
 
 class StateLine(Record):
@@ -82,6 +107,8 @@ class StateLine(Record):
     """Probability that a lump is there."""
     objects: tuple[ObjectRecord, ...] = ()
     """The objects that are more likely there than not."""
+    oversize: float | None = None
+    """Probability that a lump above the limit is there, which the alarm judges; null without a calibration."""
 
 
 class Timing(Record):
@@ -131,6 +158,10 @@ class AlarmData(Record):
     """Capture time of that frame, seconds on the source's monotonic clock (replay: since the start)."""
     existence: float
     """Probability that a lump is there."""
+    oversize: float | None = None
+    """Probability that a lump above the limit is there, which the alarm judges; null without a calibration."""
+    lip_s: float | None = None
+    """Seconds until the first lump reaches the lip; null where that is not known."""
     objects: tuple[ObjectRecord, ...] = ()
     """The estimate."""
     timing: Timing | None = None

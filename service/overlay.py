@@ -14,6 +14,7 @@ import numpy as np
 from models.roi import Image
 from models.state import Belief, H, W, X, Y
 from service.config import CameraConfig
+from service.detection import DetectedObject
 from service.detectors.base import Detector
 from service.encode import VideoWriter
 from service.errors import LumpwatchError
@@ -99,7 +100,7 @@ def draw(
             low = (round(found.x), round(found.y))
             high = (round(found.x + found.w), round(found.y + found.h))
             cv2.rectangle(canvas, low, high, colour, 2, cv2.LINE_AA)
-            label = f"{found.model} WRONG WAY" if found.wrong_way else found.model
+            label = _label(found)
             cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, colour, 1, cv2.LINE_AA)
             _draw_shares(canvas, low, high[0] - low[0], [share for _, share in found.model_shares], palette)
         _draw_bar(canvas, row, result, colour)
@@ -120,6 +121,17 @@ def _draw_particles(canvas: Image, detector: Detector, belief: Belief, most: int
     centres = boxes[:, :2] + boxes[:, 2:] / 2
     for (x, y), label in zip(centres, belief.labels[alive], strict=True):
         cv2.circle(canvas, (round(x), round(y)), 1, _PARTICLES[label % len(_PARTICLES)], -1, cv2.LINE_AA)
+
+
+def _label(found: DetectedObject) -> str:
+    words = [found.model]
+    if found.size is not None and found.size.longest_mm is not None:
+        words.append(f"{found.size.longest_mm:.0f} mm")
+    if found.size is not None and found.size.lip_s is not None:
+        words.append(f"{found.size.lip_s:.1f} s")
+    if found.wrong_way:
+        words.append("WRONG WAY")
+    return " ".join(words)
 
 
 def _draw_shares(

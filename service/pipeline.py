@@ -23,6 +23,7 @@ from service.errors import LumpwatchError
 from service.frames import Frame
 from service.messages import BlindReason, Decision
 from service.planes import working_colour, working_luma
+from service.sizing import Sizer
 from service.store.prior import Prior
 
 log = logging.getLogger(__name__)
@@ -79,6 +80,7 @@ class _Roi:
     config: RoiConfig
     prior: Prior | None
     detector: Detector | None = None
+    sizer: Sizer | None = None
     alarm: Alarm = field(default_factory=Alarm)
     detection: Detection | None = None
     failed: bool = False
@@ -157,9 +159,19 @@ class CameraPipeline:
         """Make the detectors for pictures of this size; where one cannot be made, all stay as they were."""
         size = (frame.width, frame.height)
         made = {roi_id: self._make_detector(roi, *size) for roi_id, roi in self._rois.items()}
+        sizers = {roi_id: self._make_sizer(roi.config, *size) for roi_id, roi in self._rois.items()}
         for roi_id, (detector, prior) in made.items():
-            self._rois[roi_id].detector, self._rois[roi_id].prior = detector, prior
+            roi = self._rois[roi_id]
+            roi.detector, roi.prior, roi.sizer = detector, prior, sizers[roi_id]
         self._size = size
+
+    def _make_sizer(self, roi: RoiConfig, width: int, height: int) -> Sizer | None:
+        if roi.calibration is None:
+            return None
+        try:
+            return Sizer(roi.calibration, width, height)
+        except LumpwatchError as error:
+            raise LumpwatchError(f"camera {self._config.id}, roi {roi.id}: {error}") from error
 
     def _make_detector(self, roi: _Roi, width: int, height: int) -> tuple[Detector, Prior | None]:
         config = roi.config.detector
@@ -183,6 +195,8 @@ class CameraPipeline:
             colour = working_colour(frame, roi.detector.roi) if roi.config.detector.needs_colour else None
             cut = perf_counter()
             roi.detection = roi.detector.step(gray, colour, dt)
+            if roi.sizer is not None:
+                roi.detection = roi.sizer.measure(roi.detection, frame.capture_s)
             roi.failed = False
         except Exception:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
@@ -195,7 +209,7 @@ class CameraPipeline:
         done = perf_counter()
         self._observer.stage("cut", roi.config.id, cut - started)
         self._observer.stage("filter", roi.config.id, done - cut)
-        roi.alarm, transition = step(roi.alarm, roi.config.alarm, roi.detection.existence, frame.capture_s)
+        roi.alarm, transition = step(roi.alarm, roi.config.alarm, roi.detection.alarming, frame.capture_s)
         return self._result(roi, transition, now_s, decided=True)
 
     def _result(

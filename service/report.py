@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from service.detection import LumpSize
 from service.messages import (
     AlarmData,
     AlarmEvent,
     ObjectRecord,
+    SizeRecord,
     StateLine,
     StateMessage,
     Timing,
@@ -48,9 +50,41 @@ def objects(result: RoiResult) -> tuple[ObjectRecord, ...]:
             spread_y=round(found.spread_y, 2),
             model_shares={name: round(share, 4) for name, share in found.model_shares},
             wrong_way=found.wrong_way,
+            size=None if found.size is None else _size(found.size),
         )
         for found in result.detection.objects
     )
+
+
+def _size(size: LumpSize) -> SizeRecord:
+    def rounded(value: float | None, digits: int) -> float | None:
+        return None if value is None else round(value, digits)
+
+    return SizeRecord(
+        longest_mm=rounded(size.longest_mm, 0),
+        low_mm=rounded(size.low_mm, 0),
+        high_mm=rounded(size.high_mm, 0),
+        equivalent_mm=rounded(size.equivalent_mm, 0),
+        over_limit=round(size.over_limit, 4),
+        speed_m_s=round(size.speed_m_s, 3),
+        distance_m=round(size.distance_m, 3),
+        lip_s=rounded(size.lip_s, 2),
+        lip_spread_s=rounded(size.lip_spread_s, 2),
+    )
+
+
+def oversize(result: RoiResult) -> float | None:
+    """Probability that a lump above the limit is there."""
+    if result.detection is None or result.detection.oversize is None:
+        return None
+    return round(result.detection.oversize, 6)
+
+
+def soonest(result: RoiResult) -> float | None:
+    """Seconds until the first lump reaches the lip."""
+    found = result.detection.objects if result.detection is not None else ()
+    times = [one.size.lip_s for one in found if one.size is not None and one.size.lip_s is not None]
+    return round(min(times), 2) if times else None
 
 
 def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
@@ -62,6 +96,7 @@ def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
         roi=result.roi,
         state=result.decision,
         existence=round(result.existence, 6),
+        oversize=oversize(result),
         objects=objects(result),
     )
 
@@ -75,6 +110,7 @@ def state_message(result: RoiResult, site: str, camera: str, clocks: Clocks) -> 
         roi=result.roi,
         state=result.decision,
         existence=round(result.existence, 6),
+        oversize=oversize(result),
         objects=objects(result),
         site=site,
         alarm=result.alarm.state.value,
@@ -108,6 +144,8 @@ def alarm_event(
             frame=_number(result),
             time_s=_time(result, start_s),
             existence=round(result.existence, 6),
+            oversize=oversize(result),
+            lip_s=soonest(result),
             objects=objects(result),
             timing=timing,
             actor=transition.actor,

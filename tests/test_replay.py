@@ -56,7 +56,8 @@ def test_states_have_the_fields_of_the_contract(out: Path) -> None:
     assert [one["time_s"] for one in states] == [round(k * 0.1, 6) for k in range(FRAMES)]
     assert {(one["camera"], one["roi"]) for one in states} == {("cam", "apron")}
     assert {one["state"] for one in states} == {"CLEAR", "LUMP"}
-    assert list(states[0]) == ["frame", "time_s", "camera", "roi", "state", "existence", "objects"]
+    contract = ["frame", "time_s", "camera", "roi", "state", "existence", "objects"]
+    assert list(states[0]) == [*contract, "oversize"]
     seen = [one["objects"][0] for one in states if one["objects"]]
     assert len(seen) > 10
     assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(seen[0])

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from service.config.alarm import AlarmConfig
 from service.config.base import Id, PositiveSeconds, Strict, Unit
+from service.config.calibration import CalibrationConfig
 from service.config.detector import DetectorConfig
 from service.config.jdt import JdtConfig
 from service.config.source import SourceConfig
@@ -56,6 +57,8 @@ class RoiConfig(Strict):
     """Corners relative to the picture: (0, 0) top left, (1, 1) bottom right."""
     detector: DetectorConfig = JdtConfig()
     """The filter that runs on this ROI."""
+    calibration: CalibrationConfig | None = None
+    """Where the belt lies, for sizes in millimetres; left out: sizes are judged by what training saw."""
     alarm: AlarmConfig = AlarmConfig()
     """Thresholds and delays of the alarm."""
 

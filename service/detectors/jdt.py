@@ -14,7 +14,7 @@ from models.learning.learned import Learned
 from models.likelihood import Observation
 from models.multi import Looks, MultiBelief, MultiJdtFilter
 from models.roi import Image, Roi
-from models.state import Belief, Estimate, H, W, X, Y
+from models.state import VX, VY, Belief, Estimate, H, W, X, Y
 from service.config.jdt import JdtConfig
 from service.detection import DetectedObject, Detection
 from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE
@@ -170,6 +170,21 @@ class JdtDetector:
         names = [model.name for model in self._config.models]
         shares = tuple(zip(names, found.estimate.model_shares.tolist(), strict=True))
         model = names[int(found.estimate.model_shares.argmax())]
+        velocity = mean[[VX, VY]] / self.roi.scale
         return DetectedObject(
-            found.id, x, y, w, h, float(spread[X]), float(spread[Y]), found.existence, model, shares
+            found.id,
+            x,
+            y,
+            w,
+            h,
+            float(spread[X]),
+            float(spread[Y]),
+            found.existence,
+            model,
+            shares,
+            vx=float(velocity[0]),
+            vy=float(velocity[1]),
+            spread_w=float(spread[W]),
+            spread_h=float(spread[H]),
+            spread_v=float(max(spread[VX], spread[VY])),
         )

@@ -19,6 +19,11 @@ from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE
 from service.detectors.filters import DEFAULT_INTERVAL_S, make_models, make_profile
 from service.detectors.tracker_parts import make_foreground, make_imm_pf, make_jpda
 
+BOX_SPREAD = 0.1
+"""Standard deviation of a tracker's width and height, as a share: it states none."""
+TURN_S = 0.5
+"""A velocity is known as well as the position over this time."""
+
 
 class TrackerDetector:
     """Satisfies `service.detectors.base.Detector`."""
@@ -94,4 +99,9 @@ class TrackerDetector:
             self._names[int(shares.argmax())],
             tuple(zip(self._names, shares.tolist(), strict=True)),
             one.wrong_way,
+            vx=float(one.velocity[0] / self.roi.scale),
+            vy=float(one.velocity[1] / self.roi.scale),
+            spread_w=BOX_SPREAD * w,
+            spread_h=BOX_SPREAD * h,
+            spread_v=float(spread.max()) / TURN_S,
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from service.alarms import AlarmState, Transition
-from service.detection import DetectedObject, Detection
+from service.detection import Detection
 from service.messages import Decision
 
 _BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -160,6 +160,16 @@ class MonitorMetrics(_FrameMetrics):
             labels,
             registry=registry,
         )
+        self._oversize = gauge(
+            "lumpwatch_oversize_ratio",
+            "Probability that a lump above the limit is there; on calibrated belts, and what the alarm judges.",
+        )
+        self._largest = gauge(
+            "lumpwatch_largest_mm", "Longest diameter of the largest lump; 0: none is known."
+        )
+        self._lip = gauge(
+            "lumpwatch_lip_seconds", "Seconds until the first lump reaches the lip; +Inf: none is on its way."
+        )
         self._flagged: dict[str, frozenset[int]] = {}
         for roi in rois:
             self._wrong_way.labels(camera, roi)
@@ -174,10 +184,19 @@ class MonitorMetrics(_FrameMetrics):
         self._latency.labels(self._camera, roi).observe(latency_s)
         self._effective.labels(self._camera, roi).set(detection.effective_particles)
         self._fallback.labels(self._camera, roi).set(detection.fell_back_share)
-        self._tell_objects(roi, detection.objects)
+        self._tell_objects(roi, detection)
 
-    def _tell_objects(self, roi: str, objects: tuple[DetectedObject, ...]) -> None:
+    def _tell_objects(self, roi: str, detection: Detection) -> None:
+        objects = detection.objects
         self._objects.labels(self._camera, roi).set(len(objects))
+        if detection.oversize is not None:
+            sizes = [one.size for one in objects if one.size is not None]
+            self._oversize.labels(self._camera, roi).set(detection.oversize)
+            self._largest.labels(self._camera, roi).set(
+                max((s.longest_mm or 0.0 for s in sizes), default=0.0)
+            )
+            times = [s.lip_s for s in sizes if s.lip_s is not None]
+            self._lip.labels(self._camera, roi).set(min(times, default=float("inf")))
         means: dict[str, float] = {}
         for one in objects:
             for model, share in one.model_shares:

@@ -1,0 +1,183 @@
+"""Sizes in millimetres: from calibration and boxes to records and the alarm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import erf, log, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from service.config import parse
+from service.config.calibration import CalibrationConfig
+from service.detection import DetectedObject, Detection, LumpSize
+from service.errors import ConfigError
+from service.feed.geometry import Geometry
+from service.feed.spec import FeedSpec
+from service.sizing import SHAPE_FACTOR, Sizer, make_plane
+from tests.models.test_plane import silhouette, velocity
+
+WIDTH, HEIGHT = 640, 480
+GEOMETRY = Geometry.of(FeedSpec())
+POINTS_MM = ((-1200.0, 500.0), (1200.0, 500.0), (1200.0, 5500.0), (-1200.0, 5500.0))
+
+
+def relative(points_mm: Any) -> list[tuple[float, float]]:
+    return [tuple(point) for point in (GEOMETRY.to_px(np.array(points_mm)) / (WIDTH, HEIGHT)).tolist()]
+
+
+LIP = relative([(-900.0, 6000.0), (900.0, 6000.0)])
+
+
+def calibration(**extra: Any) -> CalibrationConfig:
+    return CalibrationConfig.model_validate(
+        {"points": relative(POINTS_MM), "points_mm": POINTS_MM, "lip": LIP, "limit_mm": 600.0, **extra}
+    )
+
+
+def seen(y: float, diameter: float, number: int = 1, existence: float = 0.9) -> DetectedObject:
+    """What a perfect filter says of a sphere at `y` on a belt of 0.6 m/s."""
+    x0, y0, w, h = silhouette(0.0, y, diameter).tolist()
+    vx, vy = velocity(0.0, y, diameter / 2, 600.0).tolist()
+    return DetectedObject(
+        number, x0 - w / 2, y0 - h / 2, w, h, 2.0, 2.0, existence, "belt",
+        vx=vx, vy=vy, spread_w=3.0, spread_h=3.0, spread_v=4.0,
+    )  # fmt: skip
+
+
+def one(found: Detection) -> LumpSize:
+    size = found.objects[0].size
+    assert size is not None
+    return size
+
+
+def test_a_lump_on_the_belt_has_a_size_a_speed_and_a_time() -> None:
+    size = one(Sizer(calibration(), WIDTH, HEIGHT).measure(Detection(0.9, (seen(3000, 800),)), 0.0))
+    assert size.longest_mm == pytest.approx(800 * SHAPE_FACTOR, rel=0.02)
+    assert size.equivalent_mm == pytest.approx(800, rel=0.02)
+    assert size.low_mm is not None
+    assert size.high_mm is not None
+    assert size.low_mm < size.longest_mm < size.high_mm
+    assert size.speed_m_s == pytest.approx(0.6, rel=0.02)
+    assert size.distance_m == pytest.approx(2.6, abs=0.03)
+    assert size.lip_s == pytest.approx(2.6 / 0.6, rel=0.03)
+
+
+def test_the_probability_above_the_limit_is_that_of_a_log_normal() -> None:
+    size = one(
+        Sizer(calibration(limit_mm=900.0), WIDTH, HEIGHT).measure(Detection(0.9, (seen(3000, 800),)), 0.0)
+    )
+    assert size.longest_mm is not None
+    assert size.high_mm is not None
+    spread = log(size.high_mm / size.longest_mm) / 1.6449
+    expected = 0.5 * (1 + erf(log(size.longest_mm / 900.0) / spread / sqrt(2)))
+    assert size.over_limit == pytest.approx(expected, abs=1e-9)
+
+
+def test_more_looks_make_the_interval_narrower_but_never_nothing() -> None:
+    sizer = Sizer(calibration(), WIDTH, HEIGHT)
+    widths = []
+    for i in range(60):
+        size = one(sizer.measure(Detection(0.9, (seen(2900 + 30 * i, 700),)), i / 15))
+        assert size.high_mm is not None
+        assert size.low_mm is not None
+        widths.append(log(size.high_mm / size.low_mm))
+    assert widths[30] < widths[0]
+    assert widths[-1] > 2 * 1.6449 * 0.13
+
+
+def test_a_lump_that_is_not_whole_in_the_picture_keeps_its_size() -> None:
+    sizer = Sizer(calibration(), WIDTH, HEIGHT)
+    first = one(sizer.measure(Detection(0.9, (seen(3000, 800),)), 0.0))
+    cut = replace(seen(3000, 800), y=0.0, h=40.0)
+    assert one(sizer.measure(Detection(0.9, (cut,)), 0.1)).longest_mm == first.longest_mm
+    assert one(sizer.measure(Detection(0.9, (replace(cut, id=2),)), 0.2)).longest_mm is None
+
+
+def test_what_has_no_size_yet_counts_as_too_large() -> None:
+    cut = replace(seen(3000, 300), y=0.0, h=20.0)
+    found = Sizer(calibration(), WIDTH, HEIGHT).measure(Detection(0.9, (cut,)), 0.0)
+    assert found.oversize == pytest.approx(0.9)
+    assert Sizer(calibration(), WIDTH, HEIGHT).measure(Detection(0.4, ()), 0.0).oversize == pytest.approx(0.4)
+
+
+def test_a_small_rock_does_not_alarm_however_sure_it_is() -> None:
+    found = Sizer(calibration(), WIDTH, HEIGHT).measure(
+        Detection(0.999, (seen(3000, 250, existence=0.999),)), 0.0
+    )
+    assert found.existence == 0.999
+    assert found.alarming == found.oversize
+    assert found.alarming < 0.01
+
+
+def test_without_a_limit_every_lump_alarms() -> None:
+    found = Sizer(calibration(limit_mm=None), WIDTH, HEIGHT).measure(Detection(0.95, (seen(3000, 250),)), 0.0)
+    assert found.alarming == pytest.approx(0.95)
+
+
+def test_two_lumps_add_their_chances() -> None:
+    sizer = Sizer(calibration(), WIDTH, HEIGHT)
+    found = sizer.measure(Detection(0.99, (seen(2000, 1000, 1, 0.9), seen(4500, 1000, 2, 0.9))), 0.0)
+    over = [one.size.over_limit for one in found.objects if one.size]
+    assert found.oversize == pytest.approx(1 - (1 - 0.9 * over[0]) * (1 - 0.9 * over[1]))
+
+
+def test_an_object_is_forgotten_after_a_while() -> None:
+    sizer = Sizer(calibration(), WIDTH, HEIGHT)
+    sizer.measure(Detection(0.9, (seen(3000, 800),)), 0.0)
+    sizer.measure(Detection(0.0, ()), 60.0)
+    cut = replace(seen(3000, 800), y=0.0, h=40.0)
+    assert one(sizer.measure(Detection(0.9, (cut,)), 60.1)).longest_mm is None
+
+
+def test_a_known_width_at_two_rows_gives_the_same_plane() -> None:
+    corners = relative(POINTS_MM)
+    view = 2 * np.degrees(np.arctan(WIDTH / 2 / GEOMETRY.focal_px))
+    by_width = calibration(
+        points=(), points_mm=(),
+        width={"far": corners[:2], "near": [corners[3], corners[2]], "width_mm": 2400.0, "view_deg": view},
+    )  # fmt: skip
+    assert make_plane(by_width, WIDTH, HEIGHT).cameras.focal[0] == pytest.approx(GEOMETRY.focal_px, rel=1e-6)
+    sizes = [
+        one(Sizer(config, WIDTH, HEIGHT).measure(Detection(0.9, (seen(3000, 800),)), 0.0))
+        for config in (calibration(), by_width)
+    ]
+    assert sizes[0].longest_mm == pytest.approx(sizes[1].longest_mm)
+    assert sizes[0].lip_s == pytest.approx(sizes[1].lip_s)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{lip: [[0, 1], [1, 1]]}", "either points with points_mm, or width"),
+        (
+            "{points: [[0, 0], [1, 0], [1, 1]], points_mm: [[0, 0], [1, 0], [1, 1]], lip: [[0, 1], [1, 1]]}",
+            "four",
+        ),
+        (
+            "{points: [[0, 0], [1, 0], [1, 1], [0, 1]], points_mm: [[0, 0]], lip: [[0, 1], [1, 1]]}",
+            "4 points, but 1",
+        ),
+        (
+            "{width: {far: [[0, 0], [1, 0]], near: [[0, 1], [1, 1]], width_mm: 9}, lip: [[0, 1], [1, 1]]}",
+            "view_deg",
+        ),
+    ],
+)
+def test_what_the_configuration_refuses(text: str, message: str) -> None:
+    site = f"""\
+site: pit
+cameras:
+  - id: cam
+    source: {{url: "sim:feed"}}
+    rois: [{{id: apron, polygon: [[0, 0], [1, 0], [1, 1]], calibration: {text}}}]
+"""
+    with pytest.raises(ConfigError, match=message):
+        parse(site)
+
+
+def test_points_on_a_line_are_refused_with_the_first_frame() -> None:
+    line = calibration(points=[(0.1, 0.5), (0.3, 0.5), (0.6, 0.5), (0.9, 0.5)])
+    with pytest.raises(ConfigError, match="one line"):
+        Sizer(line, WIDTH, HEIGHT)
