@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from models.state import VY, X, Y, blank
+from tests.footage import sketch
 from tests.reproduction.paper1.methods import Method, Motions, make_filter
 from tests.reproduction.paper1.runner import Result
 
@@ -42,6 +43,8 @@ def frame(axes: Axes, result: Result) -> None:
     there = np.flatnonzero(scene.present)
     chosen = there[len(there) // 2]
     picture = scene.pictures[chosen]
+    if result.prepared.experiment.needs_footage:
+        picture = sketch(picture)
     if picture.ndim == 2:
         axes.imshow(picture, cmap="gray", vmin=0, vmax=255)
     else:
