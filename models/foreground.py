@@ -42,7 +42,9 @@ class MixtureOptions:
     def __post_init__(self) -> None:
         """Raises ValueError for numbers that cannot be meant."""
         if self.memory < 1 or self.warm_up < 0 or self.blur < 0.0 or not self.threshold > 0.0:
-            raise ValueError("a background model needs a memory of a picture or more and a positive threshold")
+            raise ValueError(
+                "a background model needs a memory of a picture or more and a positive threshold"
+            )
 
 
 class MixtureForeground:
@@ -50,9 +52,7 @@ class MixtureForeground:
 
     def __init__(self, options: MixtureOptions | None = None) -> None:
         self._options = options or MixtureOptions()
-        self._model = cv2.createBackgroundSubtractorMOG2(
-            self._options.memory, self._options.threshold, True
-        )
+        self._model = cv2.createBackgroundSubtractorMOG2(self._options.memory, self._options.threshold, True)
         self._shape: tuple[int, ...] = ()
         self._seen = 0
 
@@ -76,10 +76,12 @@ def cleaned(mask: Image, opening: int = 3, closing: tuple[int, int] = (3, 7)) ->
     People are taller than wide, so are the gaps in them.
     """
     if opening > 1:
-        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((opening, opening), np.uint8))
+        square = np.ones((opening, opening), np.uint8)
+        mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, square), dtype=np.uint8)
     if max(closing) > 1:
-        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((closing[1], closing[0]), np.uint8))
-    return np.asarray(mask, dtype=np.uint8)
+        upright = np.ones((closing[1], closing[0]), np.uint8)
+        mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, upright), dtype=np.uint8)
+    return mask
 
 
 def blobs(mask: Image, least_area: int, opening: int = 3, closing: tuple[int, int] = (3, 7)) -> Boxes:
@@ -94,7 +96,12 @@ def regions(mask: Image, least_area: int) -> Boxes:
     """
     if mask.ndim != 2:
         raise ValueError(f"a mask has two axes, not {mask.ndim}")
-    _, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    rows, columns = mask.shape
+    # Short labels are three times faster; no more than one region starts in a square of four pixels.
+    few = ((rows + 1) // 2) * ((columns + 1) // 2) < 2**16 - 1
+    _, _, stats, _ = cv2.connectedComponentsWithStats(
+        mask, connectivity=8, ltype=cv2.CV_16U if few else cv2.CV_32S
+    )
     rest = stats[1:]  # the first is the background
     kept = rest[rest[:, cv2.CC_STAT_AREA] >= least_area].astype(np.float64)
     return np.column_stack([kept[:, :2] + kept[:, 2:4] / 2, kept[:, 2:4]])

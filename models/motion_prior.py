@@ -76,14 +76,15 @@ def learn_cells(
 
 
 def flow_vectors(
-    before: Image, after: Image, interval_s: float
+    before: Image, after: Image, interval_s: float, mask: Image | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Positions and velocities (k, 2) of corners that pyramidal Lucas-Kanade follows from one picture to the next.
 
-    Corners are followed back as well; those that do not return to within a pixel are dropped.
+    Corners are followed back as well; those that do not return to within a pixel are dropped. Where a
+    mask of the first picture is given, corners are looked for where it is not 0.
     """
     nothing = np.empty((0, 2))
-    corners = cv2.goodFeaturesToTrack(before, _MOST_CORNERS, 0.01, 5)
+    corners = cv2.goodFeaturesToTrack(before, _MOST_CORNERS, 0.01, 5, mask=mask)
     if corners is None:
         return nothing, nothing  # type: ignore[unreachable]
     moved, found, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, None)  # type: ignore[call-overload]

@@ -46,9 +46,7 @@ def outside(state: Array, shape: tuple[int, int], share: float) -> bool:
     rows, columns = shape
     left, top = state[X] - state[W] / 2, state[Y] - state[H] / 2
     right, bottom = left + state[W], top + state[H]
-    return bool(
-        max(-left, right - columns) > share * state[W] or max(-top, bottom - rows) > share * state[H]
-    )
+    return bool(max(-left, right - columns) > share * state[W] or max(-top, bottom - rows) > share * state[H])
 
 
 def _fill(foreground: NDArray[np.uint8], state: Array) -> float:

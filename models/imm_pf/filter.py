@@ -129,9 +129,7 @@ class ImmFilter:
         labels = belief.labels[kept]
         wanted = _topped_up(np.bincount(labels, minlength=len(self.models)), self.least)
         states, labels = self._filled(belief.states.take(kept, axis=0), labels, wanted, before, rng)
-        return ImmBelief(
-            states, 1.0 / wanted[labels], labels, wanted / wanted.sum(), belief.steps
-        )
+        return ImmBelief(states, 1.0 / wanted[labels], labels, wanted / wanted.sum(), belief.steps)
 
     def _within_models(self, belief: ImmBelief, before: ImmBelief, rng: np.random.Generator) -> ImmBelief:
         numbers = np.bincount(belief.labels, minlength=len(self.models))
@@ -153,7 +151,12 @@ class ImmFilter:
         return ImmBelief(states, 1.0 / wanted[labels], labels, shares / shares.sum(), belief.steps)
 
     def _filled(
-        self, states: States, labels: Labels, wanted: NDArray[np.intp], before: ImmBelief, rng: np.random.Generator
+        self,
+        states: States,
+        labels: Labels,
+        wanted: NDArray[np.intp],
+        before: ImmBelief,
+        rng: np.random.Generator,
     ) -> tuple[States, Labels]:
         """The particles with `wanted` (M,) of each model: some of the largest dropped, the missing ones drawn."""
         numbers = np.bincount(labels, minlength=len(wanted))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from models.imm_pf.filter import ImmOptions
 from models.imm_pf.observation import ObservationOptions
@@ -12,8 +12,8 @@ from models.imm_pf.observation import ObservationOptions
 class TrackerOptions:
     """The defaults were chosen on the first half of PETS 2009 S2.L1, view 1."""
 
-    filter: ImmOptions = ImmOptions()
-    observation: ObservationOptions = ObservationOptions()
+    filter: ImmOptions = field(default_factory=ImmOptions)
+    observation: ObservationOptions = field(default_factory=ObservationOptions)
 
     absent_looks: float = 4.6
     """Appearance cost of a box that holds no target; a silhouette that says nothing is added (see `absent_cost`)."""
@@ -32,7 +32,7 @@ class TrackerOptions:
     """From here on the tracker stands by a target."""
     drop_log_odds: float = -3.0
     """Below it a target that was never confirmed is dropped."""
-    weak_s: float = 2.0
+    weak_s: float = 3.0
     """A target whose mean likelihood stays under that of an absent one for longer ends."""
     hidden_below: float = 0.35
     """Visible share of a box below which it counts as hidden by nearer ones."""
@@ -51,7 +51,7 @@ class TrackerOptions:
     twin_s: float = 1.0
     """The younger of two targets that overlap for longer ends."""
 
-    cover: float = 0.8
+    cover: float = 0.9
     """Part of the width and height of a box that hides what is behind it."""
     explained: float = 1.3
     """Foreground within a target's box, enlarged by this, bears no other target."""

@@ -66,9 +66,10 @@ def learn_linear(boxes: Array) -> LinearSize:
     slope, offset = np.linalg.lstsq(design, boxes[:, 3], rcond=None)[0]
     aspect = float((boxes[:, 2] / boxes[:, 3]).mean())
     # Half a box of the nearest and farthest label: the next one may stand a little beyond.
-    first, last = (float(row + side * (slope * row + offset) / 2) for row, side in zip(
-        (boxes[:, 1].min(), boxes[:, 1].max()), (-1, 1), strict=True
-    ))
+    first, last = (
+        float(row + side * (slope * row + offset) / 2)
+        for row, side in zip((boxes[:, 1].min(), boxes[:, 1].max()), (-1, 1), strict=True)
+    )
     return LinearSize(float(slope), float(offset), aspect, first, last)
 
 

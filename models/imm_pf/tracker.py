@@ -35,7 +35,7 @@ from models.tracked import TrackedObject
 Array = NDArray[np.float64]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Target:
     id: int
     belief: ImmBelief
@@ -174,7 +174,7 @@ class ImmPfTracker:
         self._lost = [lost for lost in self._lost if lost.lost_s < o.lost_s]
         kept = []
         for target in self._targets:
-            target.twin_s = target.twin_s + dt if self._is_twin(target) else 0.0
+            target.twin_s = max(target.twin_s + (dt if self._is_twin(target) else -dt), 0.0)
             gone = (
                 target.weak_s > o.weak_s
                 or target.hidden_s > o.hidden_s

@@ -1,6 +1,6 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, paper1, pictures.
+Words on the command line choose some: lumps, paper1, paper2, jpda, pictures.
 """
 
 from __future__ import annotations
@@ -12,9 +12,16 @@ import time
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-from tests.reproduction import lumps, paper1, pictures  # noqa: E402 - threads are counted at import
+from tests.reproduction import lumps, paper1, paper2, paper3_background, paper3_jpda, pictures  # noqa: E402 - threads are counted at import
 
-EXPERIMENTS = {"lumps": lumps.main, "paper1": paper1.main, "pictures": pictures.main}
+EXPERIMENTS = {
+    "lumps": lumps.main,
+    "paper1": paper1.main,
+    "paper2": paper2.main,
+    "background": paper3_background.main,
+    "jpda": paper3_jpda.main,
+    "pictures": pictures.main,
+}
 
 if __name__ == "__main__":
     chosen = sys.argv[1:] or list(EXPERIMENTS)
