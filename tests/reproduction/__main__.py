@@ -1,6 +1,6 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, paper1, paper2, jpda, pictures.
+Words on the command line choose some: lumps, paper1, paper2, background, jpda, pictures.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import time
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-from tests.reproduction import lumps, paper1, paper2, paper3_background, paper3_jpda, pictures  # noqa: E402 - threads are counted at import
+# The libraries count their threads when they are imported.
+from tests.reproduction import lumps, paper1, paper2, paper3_background, paper3_jpda, pictures  # noqa: E402
 
 EXPERIMENTS = {
     "lumps": lumps.main,
