@@ -13,8 +13,8 @@ from models.motion import Bounce, ConstantAcceleration, ConstantVelocity, Random
 from models.roi import make_roi
 from models.switching import AdaptiveSwitching, FixedSwitching
 from service.config import JdtConfig
-from service.detectors.jdt import JdtDetector
 from service.detectors.filters import PriorMismatchError, make_filter, make_likelihood
+from service.detectors.jdt import JdtDetector
 from service.frames import Frame
 from service.planes import working_colour, working_luma
 from tests.service_helpers import POLYGON, bright_fit, camera, frame, learned, lump_fit

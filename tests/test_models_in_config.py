@@ -14,10 +14,10 @@ from models.state import VX, blank
 from service.cli.demo import CAMERA, ROI, demo_config
 from service.cli.replay import read_frames
 from service.config import CameraConfig, JdtConfig, RoiConfig, parse
+from service.detectors.filters import PriorMismatchError, make_filter
 from service.errors import ConfigError
 from service.feed.spec import FeedSpec
 from service.feed.write import WrittenFeed, write_video
-from service.detectors.filters import PriorMismatchError, make_filter
 from service.labels import read_labels
 from service.readiness import check_priors
 from service.store.prior import Prior, PriorMeta, decode, encode
