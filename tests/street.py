@@ -42,6 +42,24 @@ def pictures(seconds: float, seed: int = 1) -> Iterator[NDArray[np.uint8]]:
         yield np.clip(shown, 0, 255).astype(np.uint8)
 
 
+def labels(seconds: float) -> str:
+    """MOTChallenge text of the boxes that are wholly in the picture; a new id for every crossing."""
+    crossing_s = (WIDTH + SIDE) / SPEED
+    lines = []
+    for i in range(round(seconds * FPS)):
+        since = i / FPS - EMPTY_S
+        if since < 0:
+            continue
+        crossing, way = int(since // crossing_s), since % crossing_s * SPEED
+        for lane, (row, direction, _) in enumerate(LANES):
+            left = round(way - SIDE if direction > 0 else WIDTH - way)
+            if 0 <= left <= WIDTH - SIDE:
+                lines.append(
+                    f"{i + 1},{2 * crossing + lane + 1},{left},{row - SIDE // 2},{SIDE},{SIDE},1,1,1"
+                )
+    return "\n".join(lines) + "\n"
+
+
 def write(path: Path, seconds: float) -> Path:
     """The street as a video file."""
     with VideoWriter(path, WIDTH, HEIGHT, FPS, crf=16) as video:
