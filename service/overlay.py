@@ -102,7 +102,10 @@ def draw(
             cv2.rectangle(canvas, low, high, colour, 2, cv2.LINE_AA)
             label = _label(found)
             cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, colour, 1, cv2.LINE_AA)
-            _draw_shares(canvas, low, high[0] - low[0], [share for _, share in found.model_shares], palette)
+            if len(found.model_shares) > 1:
+                _draw_shares(
+                    canvas, low, high[0] - low[0], [share for _, share in found.model_shares], palette
+                )
         _draw_bar(canvas, row, result, colour)
     return canvas
 
