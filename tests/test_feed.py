@@ -318,8 +318,7 @@ def test_no_lump_where_none_is_asked_for() -> None:
     feed = spec(lumps_per_minute=0, medium_rocks_per_minute=200)
     assert truths(spec(lumps_per_minute=0, fps=2, width=160, height=120), 120) == [()] * 240
     g = Geometry.of(feed)
-    shapes = FeedSimulator(feed)._traffic._shapes
-    traffic = Traffic(feed, g, BeltMotion(feed), shapes)
+    traffic = Traffic(feed, g, BeltMotion(feed), FeedSimulator(feed)._traffic._stock)
     seen = [rock for t in np.arange(0, 60, 0.5) for rock in traffic.at(float(t))]
     assert len({rock.start for rock in seen}) > 100
     assert all(rock.id == 0 and 180 <= rock.size_mm <= 420 for rock in seen)

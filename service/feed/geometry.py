@@ -20,8 +20,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from service.feed.spec import FeedSpec
 
-# Where things lie in the picture, in units of its height.
-_FAR_WIDTH, _NEAR_WIDTH, _LIP, _RIM = 0.51, 1.04, 0.77, 0.95
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where things lie in the picture, in units of its height; `centre` in units of its width."""
+
+    far_width: float
+    near_width: float
+    lip: float
+    rim: float
+    centre: float
+
+
+_LAYOUTS = {
+    "a": _Layout(far_width=0.51, near_width=1.04, lip=0.77, rim=0.95, centre=0.5),
+    # Higher above the belt, looking down more steeply, and not over its middle.
+    "b": _Layout(far_width=0.52, near_width=0.70, lip=0.82, rim=0.94, centre=0.46),
+}
 
 
 @dataclass(frozen=True)
@@ -47,15 +62,17 @@ class Geometry:
     @classmethod
     def of(cls, spec: FeedSpec) -> Geometry:
         """The camera of a feed."""
-        cu, cv = spec.width / 2, spec.height / 2
-        lip = _LIP * spec.height
+        layout = _LAYOUTS[spec.style]
+        cu, cv = spec.width * layout.centre, spec.height / 2
+        lip = layout.lip * spec.height
         length = spec.belt_length_mm
-        a = _FAR_WIDTH * spec.height / spec.belt_width_mm
-        c = (_FAR_WIDTH / _NEAR_WIDTH - 1) / length
+        a = layout.far_width * spec.height / spec.belt_width_mm
+        c = (layout.far_width / layout.near_width - 1) / length
         b = ((lip - cv) * (c * length + 1) + cv) / length
         # b < a holds for belts at least twice as long as wide, which the spec demands.
         focal = math.sqrt(a * a - b * b) / -c
-        return cls(a, b, c, -cv, cu, cv, focal, lip, round(_RIM * spec.height), spec.belt_width_mm, length)
+        rim = round(layout.rim * spec.height)
+        return cls(a, b, c, -cv, cu, cv, focal, lip, rim, spec.belt_width_mm, length)
 
     def project(self, x: float, y: float, z: float = 0.0) -> tuple[float, float, float]:
         """Pixel u, v and scale (px/mm) of a point in mm."""
@@ -87,6 +104,16 @@ class Geometry:
     def to_mm(self, points_px: ArrayLike) -> NDArray[np.float64]:
         """(..., 2) pixels -> points on the belt in mm."""
         return _apply(np.asarray(np.linalg.inv(self.homography), float), points_px)
+
+    @property
+    def elevation(self) -> float:
+        """Angle in radians by which the camera looks down on the belt."""
+        return math.asin(self.b / self.a)
+
+    def foreshortening(self, y: float) -> float:
+        """Pixels a mm along the belt by pixels a mm facing the camera, at y."""
+        w = self.c * y + 1
+        return (self.b * w - (self.b * y + self.d) * self.c) / (w * self.a)
 
     def release_y(self, below_mm: float) -> float:
         """Where (y) a body's centre is when its lower edge, `below_mm` under it, reaches the lip."""

@@ -34,7 +34,7 @@ def stones(rng: Generator, shape: tuple[int, int], diameter: float, share: float
     Stones are cut domes over the cells of scattered seeds, tilted at random so that they show
     facets; only `share` of the cells holds one.
     """
-    label, distance, dx, dy, n = _cells(rng, shape, diameter)
+    label, distance, dx, dy, n = cells(rng, shape, diameter)
     reach = rng.uniform(0.42, 0.7, n).astype(np.float32)
     reach[rng.random(n) > share] = 1e-3
     tilt = rng.normal(0, 0.28, (n, 2)).astype(np.float32)
@@ -46,7 +46,7 @@ def stones(rng: Generator, shape: tuple[int, int], diameter: float, share: float
 
 def relief(rng: Generator, shape: tuple[int, int], diameter: float) -> Field:
     """Heights in texels of a surface broken into flat facets about `diameter` wide."""
-    label, _, dx, dy, n = _cells(rng, shape, diameter)
+    label, _, dx, dy, n = cells(rng, shape, diameter)
     tilt = rng.normal(0, 0.24, (n, 2)).astype(np.float32)
     level = (tilt[label, 0] * dx + tilt[label, 1] * dy) * diameter
     return _wrapped_blur(level.astype(np.float32), max(diameter / 14, 0.6))
@@ -64,16 +64,10 @@ def shade(height: Field, strength: float) -> Field:
     )
 
 
-def _wrapped_blur(field: Field, sigma: float) -> Field:
-    pad = int(3 * sigma) + 1
-    padded = cv2.copyMakeBorder(field, pad, pad, pad, pad, cv2.BORDER_WRAP)
-    return np.asarray(cv2.GaussianBlur(padded, (0, 0), sigma)[pad:-pad, pad:-pad], np.float32)
-
-
-def _cells(
+def cells(
     rng: Generator, shape: tuple[int, int], diameter: float
 ) -> tuple[NDArray[np.int32], Field, Field, Field, int]:
-    """Cell number, distance and offset (in diameters) to the cell's seed, number of cells."""
+    """Cells of scattered seeds: number, distance and offset (in diameters) to the seed, number of cells."""
     rows, columns = shape
     pad = int(2 * diameter) + 2
     n = max(int(rows * columns / (0.7 * diameter * diameter)), 4)
@@ -95,3 +89,9 @@ def _cells(
     dy = (y + pad - copies[:, 0].astype(np.float32)[found]) / np.float32(diameter)
     dx = (x + pad - copies[:, 1].astype(np.float32)[found]) / np.float32(diameter)
     return owner[found], np.sqrt(dx * dx + dy * dy), dx, dy, n
+
+
+def _wrapped_blur(field: Field, sigma: float) -> Field:
+    pad = int(3 * sigma) + 1
+    padded = cv2.copyMakeBorder(field, pad, pad, pad, pad, cv2.BORDER_WRAP)
+    return np.asarray(cv2.GaussianBlur(padded, (0, 0), sigma)[pad:-pad, pad:-pad], np.float32)

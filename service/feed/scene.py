@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from service.feed.backdrop import backdrop
 from service.feed.geometry import Geometry
 from service.feed.motion import BeltMotion
 from service.feed.noise import Field
+from service.feed.site import Site
 from service.feed.spec import FeedSpec
-from service.feed.sprites import rubble
 from service.feed.traffic import Rock
 
 _TEXELS = 480  # across the belt
@@ -23,14 +22,14 @@ _PERIOD_MM = 11_000.0  # the bed of ore repeats after this
 class Scene:
     """Everything of the picture but light, dust, shake and noise."""
 
-    def __init__(self, spec: FeedSpec, geometry: Geometry, belt: BeltMotion) -> None:
+    def __init__(self, spec: FeedSpec, geometry: Geometry, belt: BeltMotion, site: Site) -> None:
         self._geometry, self._belt = geometry, belt
         self._size = (spec.width, spec.height)
-        self._still = backdrop(geometry, np.random.default_rng([spec.seed, 6]), spec.width, spec.height)
+        self._still = site.still()
         self._texel = spec.belt_width_mm / _TEXELS
         self._period = 4 * round(max(_PERIOD_MM, 1.2 * spec.belt_length_mm) / self._texel / 4)
-        bed = rubble(np.random.default_rng([spec.seed, 7]), _TEXELS, self._period, self._texel)
-        self._bed = bed.astype(np.uint8)
+        self.bed = site.bed(_TEXELS, self._period, self._texel)
+        self._bed = self.bed.astype(np.uint8)
         self._bands = self._make_bands()
         self._prepare_fall(spec)
 
@@ -115,6 +114,7 @@ class Scene:
         lip = self._geometry.belt_length_mm
         came = np.array([self._belt.distance(t - s) for s in self._since])
         moving = np.array([self._belt.speed(t - s) for s in self._since]) / self._belt.full_speed_mm_s
+        moving = np.minimum(moving, 1)
         # Twice as dense as on the belt: the gain in speed alone would draw the stones out into streaks.
         y = (2 * (lip - came) / self._texel % self._period)[:, None].astype(np.float32)
         map_y = np.repeat(y, self._size[0], axis=1)

@@ -9,17 +9,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from service.feed.backdrop import illumination
+from service.feed.codec import ThinLink
 from service.feed.geometry import Geometry
 from service.feed.motion import BeltMotion
 from service.feed.scene import Scene
+from service.feed.site import Site
 from service.feed.spec import FeedSpec
-from service.feed.sprites import rock
+from service.feed.stock import Stock
 from service.feed.traffic import Rock, Traffic
 from service.feed.weather import Weather
 
-_SHAPES = 20
-_SEEN, _SWALLOWED = 0.5, 0.4  # labels start and end at these shares of a lump
+_SEEN, _SWALLOWED = 0.5, 0.4  # labels start and end at these shares of what is not buried
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +27,11 @@ class Truth:
     """A lump in one picture.
 
     x, y, w, h is the box of its visible part in pixels of the whole picture, x and y the upper left
-    edge. `visibility` is the share of the lump inside the picture and above the rim of the crusher.
-    `seconds_to_lip` is the time until its front edge is at the lip if the belt does not stop; past
-    the lip it is the negative time since then.
+    edge. `visibility` is the share of the lump below the picture's upper border, above the rim of the
+    crusher and not buried; what lies in front of it is not counted. `size_mm` is the longest diameter of
+    the whole lump: in style a that of its outline, but for bodies (style b, the named kinds, lumps that
+    roll) that in space. `seconds_to_lip` is the time until its front edge is at the lip if the belt keeps
+    its speed; past the lip it is the negative time since then.
     """
 
     id: int
@@ -51,18 +53,14 @@ class FeedSimulator:
         self.spec = spec
         self.geometry = Geometry.of(spec)
         self._belt = BeltMotion(spec)
-        self._scene = Scene(spec, self.geometry, self._belt)
-        light = illumination(self.geometry, spec.width, spec.height)
-        self._weather = Weather(spec, light, self.geometry.lip_row)
-        rng = np.random.default_rng([spec.seed, 8])
-        texels = min(max(round(0.36 * spec.height), 64), 320)
-        shapes = tuple(rock(rng, texels) for _ in range(_SHAPES))
-        self._traffic = Traffic(spec, self.geometry, self._belt, shapes)
+        site = Site(spec, self.geometry)
+        self._scene = Scene(spec, self.geometry, self._belt, site)
+        self._weather = Weather(spec, site.light(), self.geometry.lip_row)
+        stock = Stock(spec, self.geometry, site.view, self._scene.bed)
+        self._traffic = Traffic(spec, self.geometry, self._belt, stock)
+        self._tint = site.tint()
+        self._link = ThinLink(spec) if spec.h264_crf is not None else None
         self._frame = 0
-        levels = np.arange(256)
-        # Blue, green and red of a grey level: a little brown, its luma unchanged.
-        tint = np.stack([levels * share for share in (0.86, 0.99, 1.075)], -1)
-        self._tint = np.clip(np.round(tint), 0, 255).astype(np.uint8)[None]
 
     @property
     def time_s(self) -> float:
@@ -95,36 +93,44 @@ class FeedSimulator:
         picture = self._weather.apply(picture, t, self._frame)
         if not self.spec.gray:
             picture = np.asarray(cv2.LUT(cv2.merge((picture, picture, picture)), self._tint), np.uint8)
-        truths = tuple(truth for r in rocks if r.id and (truth := self._truth(r, dx, dy)) is not None)
+        if self._link is not None:
+            picture = self._link.through(picture, self._frame)
+        truths = tuple(truth for r in rocks if r.id and (truth := self._truth(r, t, dx, dy)) is not None)
         self._frame += 1
         return picture, truths
 
     def skip(self, frames: int = 1) -> None:
-        """Pass over pictures without drawing them; what follows is what would have followed."""
+        """Pass over pictures without drawing them; what follows is what would have followed.
+
+        With `h264_crf` that holds from the next full second on: until then another key frame is behind it.
+        """
         self._frame += frames
 
-    def _truth(self, rock: Rock, dx: float, dy: float) -> Truth | None:
+    def _truth(self, rock: Rock, t: float, dx: float, dy: float) -> Truth | None:
         u, v, scale = self.geometry.project(rock.x, rock.y, rock.z)
         size, shape = rock.size_mm * scale, rock.shape
         # In units of the lump's diameter, from the middle of its box. The picture's upper border
         # cuts after the vibration, the rim before it: the rim shakes with the lump.
         top = max(-shape.half_height, (-v - dy) / size)
         bottom = min(shape.half_height, (min(self.geometry.rim_row, self.spec.height - dy) - v) / size)
-        visibility = shape.share_between(top, bottom) if bottom > top else 0.0
+        inside = shape.share_between(top, bottom) if bottom > top else 0.0
         on_belt = rock.released_at is None
-        if visibility < (_SEEN if on_belt and v < self.geometry.cv else _SWALLOWED):
+        if inside < (_SEEN if on_belt and v < self.geometry.cv else _SWALLOWED):
             return None
         left, right = shape.extent_between(top, bottom)
-        ahead = (rock.release_y - rock.y) / self.spec.belt_speed_mm_s
+        x, w = u + dx + left * size, (right - left) * size
+        if x < 0 or x + w > self.spec.width:  # a camera that was knocked looks past the belt
+            x, w = max(x, 0.0), min(x + w, self.spec.width) - max(x, 0.0)
+        speed = (1 + rock.slip) * self._belt.running_speed(t)
         return Truth(
             id=rock.id,
-            x=u + dx + left * size,
+            x=x,
             y=max(v + dy + top * size, 0.0),
-            w=(right - left) * size,
+            w=w,
             h=(bottom - top) * size,
             size_mm=rock.size_mm,
             on_belt=on_belt,
             model="belt" if on_belt else "fall",
-            visibility=visibility,
-            seconds_to_lip=ahead if on_belt else -rock.fallen_s,
+            visibility=inside * shape.shown,
+            seconds_to_lip=(rock.release_y - rock.y) / speed if on_belt else -rock.fallen_s,
         )

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, Literal, Self
 from urllib.parse import parse_qsl
 
 from pydantic import Field, ValidationError, model_validator
 
 from service.config.base import NotNegative, Positive, PositiveSeconds, Strict, Unit
 from service.errors import ConfigError
+
+# A belt of style b is narrower and shorter where the spec does not say.
+_STYLE_B = {"belt_width_mm": 1800.0, "belt_length_mm": 3600.0}
 
 
 class FeedSpec(Strict):
@@ -23,9 +26,13 @@ class FeedSpec(Strict):
     fps: float = Field(default=15.0, ge=0.5, le=240.0)
     """Frames a second; the motion in seconds does not depend on it."""
     gray: bool = True
-    """Gray pictures; false: BGR with a brown tint."""
+    """Gray pictures; false: BGR, brown in style a, cool in style b."""
     seconds: PositiveSeconds | None = None
     """Length of the feed as a source; none: endless."""
+    style: Literal["a", "b"] = "a"
+    """Look of the place: b has another camera, belt (1800 x 3600 mm unless given), ore, rocks and light."""
+    h264_crf: int | None = Field(default=None, ge=0, le=51)
+    """Pictures come through H.264 of this quality (35: blocky, 45: ruined); none: uncompressed."""
 
     belt_width_mm: Positive = 2400.0
     """Width of the belt between the side walls."""
@@ -39,12 +46,16 @@ class FeedSpec(Strict):
     """Mean time between stops of the belt; 0: it never stops."""
     stop_duration_s: float = Field(default=4.0, ge=0.5, le=3600.0)
     """How long a stop lasts, ramps included by half."""
+    speed_change: float = Field(default=0.0, ge=0.0, le=0.8)
+    """The belt's speed changes at random within 1 minus and 1 plus this share of `belt_speed_mm_s`."""
+    speed_change_every_s: float = Field(default=8.0, ge=2.0, le=3600.0)
+    """Running time between two changes of the speed."""
 
     limit_mm: Positive = 600.0
     """Longest diameter that the crusher takes; lumps are larger."""
-    smallest_lump: float = Field(default=1.2, gt=0.7, le=4.0)
+    smallest_lump: float = Field(default=1.2, ge=0.7, le=4.0)
     """Longest diameter of the smallest lump in units of the limit."""
-    largest_lump: float = Field(default=2.0, gt=0.7, le=4.0)
+    largest_lump: float = Field(default=2.0, ge=0.7, le=4.0)
     """Longest diameter of the largest lump in units of the limit."""
     lumps_per_minute: float = Field(default=8.0, ge=0.0, le=60.0)
     """Mean number of lumps a minute of a running belt."""
@@ -52,9 +63,49 @@ class FeedSpec(Strict):
     """Least time between two lumps; shorter where the rate leaves no room for it."""
     medium_rocks_per_minute: float = Field(default=70.0, ge=0.0, le=300.0)
     """Mean number of rocks of 0.3 to 0.7 of the limit a minute; they are never labelled."""
+    near_limit_rocks_per_minute: float = Field(default=0.0, ge=0.0, le=60.0)
+    """Mean number of rocks of 0.7 to 1.0 of the limit a minute that look like lumps; never labelled."""
+    lump_contrast: Unit = 1.0
+    """Contrast of lumps and near-limit rocks; 0: brightness and texture of the ore, no shadow."""
+    frozen_share: Unit = 0.0
+    """Share of the lumps that are frozen agglomerates: rough, dark, partly covered with fines."""
+    smooth_share: Unit = 0.0
+    """Share of the lumps that are smooth and round."""
+    slab_share: Unit = 0.0
+    """Share of the lumps that are flat slabs."""
+    buried_share: Unit = 0.0
+    """Share of the lumps of which only the upper 45 to 75 % of the height shows."""
+    touching_share: float = Field(default=0.0, ge=0.0, le=0.8)
+    """Share of the lumps that touch the one before."""
+    cluster_share: Unit = 0.0
+    """Share of the lumps that lie in a cluster of medium rocks."""
+    roll_share: Unit = 0.0
+    """Share of the lumps that roll, forward or backward; those that are buried or touch do not."""
+    roll_slip: float = Field(default=0.12, gt=0.0, le=0.5)
+    """How much faster or slower than the belt rolling lumps are, at most, as a share of its speed."""
 
     dust: Unit = 0.25
     """Strength of the dust clouds."""
+    dust_burst: float = Field(default=0.0, ge=0.0, le=4.0)
+    """Strength that a burst adds to the dust at its peak; it rises in half a second, settles in five."""
+    dust_burst_every_s: float = Field(default=15.0, ge=1.0, le=3600.0)
+    """Mean time between bursts of dust."""
+    steam: Unit = 0.0
+    """Strength of white clouds that rise fast."""
+    rain: Unit = 0.0
+    """Strength of the streaks of rain."""
+    snow: Unit = 0.0
+    """Density of the snow."""
+    lens_drops: int = Field(default=0, ge=0, le=40)
+    """Number of drops on the lens, where it is wet."""
+    night: Unit = 0.0
+    """Infra-red look: little light, a hot spot, dark corners, coarse noise of 16 grey levels, no colour."""
+    sun_patches: Unit = 0.0
+    """Strength of bright patches that wander slowly; 1 doubles the light."""
+    shadow_edges: Unit = 0.0
+    """Darkness of the shadows that sweep across the belt."""
+    shadow_every_s: float = Field(default=12.0, ge=1.0, le=3600.0)
+    """Mean time between such shadows; each passes in four seconds."""
     light_drift: Unit = 0.08
     """Amplitude of the slow change of light, as a share."""
     flicker: Unit = 0.015
@@ -63,10 +114,27 @@ class FeedSpec(Strict):
     """Factor on the light from `light_step_at_s` on."""
     light_step_at_s: NotNegative | None = None
     """When the light steps; none: never."""
-    shake_px: float = Field(default=0.5, ge=0.0, le=10.0)
+    exposure_jump: float = Field(default=1.0, ge=1.0, le=5.0)
+    """Factor by which the automatic exposure jumps, up or down; 1: never."""
+    exposure_every_s: float = Field(default=10.0, ge=1.0, le=3600.0)
+    """Mean time between such jumps."""
+    exposure_recovery_s: float = Field(default=2.0, gt=0.0, le=60.0)
+    """Time constant with which the exposure recovers."""
+    shake_px: float = Field(default=0.5, ge=0.0, le=20.0)
     """Amplitude of the camera's vibration in pixels."""
+    camera_shift_x_px: float = Field(default=0.0, ge=-40.0, le=40.0)
+    """How far the picture moves to the right when the camera is knocked, pixels."""
+    camera_shift_y_px: float = Field(default=0.0, ge=-40.0, le=40.0)
+    """How far the picture moves down when the camera is knocked, pixels."""
+    camera_shift_at_s: NotNegative | None = None
+    """When the camera is knocked, for good; none: never. Outline and homography stay those before."""
     noise: float = Field(default=2.5, ge=0.0, le=40.0)
     """Standard deviation of the sensor's noise in grey levels."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _belt_of_the_style(cls, given: Any) -> Any:
+        return {**_STYLE_B, **given} if isinstance(given, dict) and given.get("style") == "b" else given
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -78,6 +146,8 @@ class FeedSpec(Strict):
             raise ValueError("largest_lump must not be smaller than smallest_lump")
         if self.largest_lump * self.limit_mm > self.belt_width_mm:
             raise ValueError("largest_lump times limit_mm must not exceed belt_width_mm")
+        if self.frozen_share + self.smooth_share + self.slab_share > 1 + 1e-9:
+            raise ValueError("frozen_share, smooth_share and slab_share must not exceed 1 together")
         return self
 
     @classmethod

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from service.feed.noise import Field, relief, shade, smooth_noise, stones
+from service.feed.shape import Shape, filled
 
 
 def rubble(rng: Generator, width: int, length: int, texel_mm: float) -> Field:
@@ -31,38 +30,6 @@ def rubble(rng: Generator, width: int, length: int, texel_mm: float) -> Field:
     return np.clip(106 * grey, 4, 250).astype(np.float32)
 
 
-@dataclass(frozen=True)
-class Shape:
-    """One rock. Lengths are in units of its longest diameter; the origin is the middle of its box.
-
-    `levels` holds (k, k, 3) pictures (grey times body, body, shadow), each half the size of the one
-    before; `texels` is the longest diameter in the first of them.
-    """
-
-    levels: tuple[Field, ...]
-    texels: float
-    half_width: float
-    half_height: float
-    rows: NDArray[np.float64]
-    """Edges of the n rows of the silhouette, n + 1, from -half_height to half_height."""
-    area: NDArray[np.float64]
-    """Share of the silhouette above each edge of `rows`."""
-    left: NDArray[np.float64]
-    right: NDArray[np.float64]
-
-    def share_between(self, top: float, bottom: float) -> float:
-        """Share of the silhouette between two heights."""
-        above = np.interp((top, bottom), self.rows, self.area)
-        return float(max(above[1] - above[0], 0.0))
-
-    def extent_between(self, top: float, bottom: float) -> tuple[float, float]:
-        """Leftmost and rightmost x of the part of the silhouette between two heights."""
-        n = len(self.left)
-        first = int(np.clip(np.searchsorted(self.rows, top, "right") - 1, 0, n - 1))
-        last = int(np.clip(np.searchsorted(self.rows, bottom, "left"), first + 1, n))
-        return float(self.left[first:last].min()), float(self.right[first:last].max())
-
-
 def rock(rng: Generator, texels: int) -> Shape:
     """An irregular rounded rock, lit from the upper left, with a dark rim and a contact shadow."""
     outline = _outline(rng)
@@ -70,7 +37,7 @@ def rock(rng: Generator, texels: int) -> Shape:
     side = texels + 2 * pad
     centre = side / 2
     points = outline * texels + centre
-    body = _filled(points, side)
+    body = filled(points, side)
     y = np.arange(side, dtype=np.float32)[:, None]
     inside = cv2.distanceTransform((body > 0.5).astype(np.uint8), cv2.DIST_L2, 5)
     radius = max(float(inside.max()), 1.0)
@@ -86,12 +53,7 @@ def rock(rng: Generator, texels: int) -> Shape:
     shifted = np.array([[1, 0, 0.05 * texels], [0, 1, 0.06 * texels]])
     shadow = cv2.GaussianBlur(cv2.warpAffine(body, shifted, (side, side)), (0, 0), texels / 22)
     sprite = np.dstack((grey * body, body, 0.75 * shadow * (1 - body))).astype(np.float32)
-    levels = [sprite]
-    while levels[-1].shape[0] > 24:
-        half = levels[-1].shape[0] // 2
-        smaller = cv2.resize(levels[-1], (half, half), interpolation=cv2.INTER_AREA)
-        levels.append(np.asarray(smaller, np.float32))
-    return Shape(tuple(levels), float(texels), *_profile(outline))
+    return Shape.of_outline(outline, sprite, texels)
 
 
 def _outline(rng: Generator) -> NDArray[np.float64]:
@@ -108,29 +70,3 @@ def _outline(rng: Generator) -> NDArray[np.float64]:
         p = np.stack((0.8 * p + 0.2 * following, 0.2 * p + 0.8 * following), 1).reshape(-1, 2)
     p /= np.sqrt(((p[:, None] - p[None]) ** 2).sum(-1).max())
     return np.asarray(p - (p.min(0) + p.max(0)) / 2, float)
-
-
-def _filled(points: NDArray[np.float64], side: int) -> Field:
-    """Coverage of a polygon, 0..1; pixel (i, j) covers i..i+1, j..j+1."""
-    bits = 4
-    fixed = np.round((points - 0.5) * (1 << bits)).astype(np.int32)
-    canvas = np.zeros((side, side), np.uint8)
-    cv2.fillPoly(canvas, [fixed], 255, cv2.LINE_AA, bits)
-    return np.asarray(canvas / np.float32(255), np.float32)
-
-
-def _profile(
-    outline: NDArray[np.float64],
-) -> tuple[float, float, NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    half_width, half_height = outline.max(0)
-    n, resolution = 64, 512
-    mask = _filled((outline + 0.5) * resolution, resolution) > 0.5
-    rows = np.linspace(-half_height, half_height, n + 1)
-    left, right, area = np.zeros(n), np.zeros(n), np.zeros(n + 1)
-    for i in range(n):
-        top, bottom = ((rows[i : i + 2] + 0.5) * resolution).round().astype(int)
-        columns = np.flatnonzero(mask[top : max(bottom, top + 1)].any(0))
-        left[i] = columns[0] / resolution - 0.5 if len(columns) else 0.0
-        right[i] = (columns[-1] + 1) / resolution - 0.5 if len(columns) else 0.0
-        area[i + 1] = area[i] + mask[top:bottom].sum()
-    return float(half_width), float(half_height), rows, area / area[-1], left, right

@@ -11,6 +11,8 @@ from service.encode import VideoWriter
 from service.feed.simulator import FeedSimulator, Truth
 from service.feed.spec import FeedSpec
 
+_CRF = 20
+
 
 @dataclass(frozen=True, slots=True)
 class WrittenFeed:
@@ -29,6 +31,7 @@ def write_video(
     `gt.txt` is MOTChallenge text without a header, `frame,id,x,y,w,h,conf,class,visibility,model`:
     frame from 1, box in pixels of the whole picture (0 is the left and upper border), conf and
     class 1, visibility 0..1, and in the tenth column the model that moves the lump, `belt` or `fall`.
+    The video is H.264 of the quality `spec.h264_crf` (20 where it is none), coded once.
     `progress` gets the number of frames done and to do. Raises ValueError where `seconds` holds no
     frame, OSError where a file cannot be written.
     """
@@ -37,10 +40,11 @@ def write_video(
         raise ValueError(f"{seconds:g} s hold no frame at {spec.fps:g} frames a second")
     out_dir.mkdir(parents=True, exist_ok=True)
     paths = WrittenFeed(out_dir / "video.mp4", out_dir / "gt.txt", out_dir / "spec.json")
-    simulator = FeedSimulator(spec)
+    crf = _CRF if spec.h264_crf is None else spec.h264_crf
+    simulator = FeedSimulator(spec.model_copy(update={"h264_crf": None}))
     lumps: dict[int, dict[str, object]] = {}
     with (
-        VideoWriter(paths.video, spec.width, spec.height, spec.fps) as video,
+        VideoWriter(paths.video, spec.width, spec.height, spec.fps, crf=crf) as video,
         paths.labels.open("w", encoding="ascii") as labels,
     ):
         for frame in range(1, frames + 1):
