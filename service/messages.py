@@ -6,7 +6,10 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+
+from service.alarms import AlarmClass, Change
+from service.config.alarm import Priority
 
 
 class Decision(StrEnum):
@@ -35,7 +38,7 @@ class Record(BaseModel):
 
     def line(self) -> bytes:
         """One line of JSON."""
-        return self.model_dump_json().encode()
+        return self.model_dump_json(by_alias=True).encode()
 
 
 class SizeRecord(Record):
@@ -128,13 +131,35 @@ class StateMessage(StateLine):
     site: str
     """Site id."""
     alarm: str
-    """State of the alarm: NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED or RETURNED."""
+    """State of the lump alarm: NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, or why it is not announced:
+    SHELVED, SUPPRESSED, OUT_OF_SERVICE."""
+    blind_alarm: str = "NORMAL"
+    """State of the blind alarm, in the same words."""
+    sequence: int = 0
+    """Sequence of the ROI's last alarm record; 0: there was none."""
     reason: BlindReason | None = None
     """Why the ROI is BLIND."""
     timing: Timing | None = None
     """None where no frame has come yet."""
     prior: int = 0
     """Version of the prior in use; 0: the stated defaults."""
+
+
+class Level(Record):
+    """The least that a PLC gateway needs; trust nothing older than `valid_s`."""
+
+    lump: Literal[0, 1]
+    """1 while the condition of the lump alarm is active, whether it is announced or not."""
+    blind: Literal[0, 1]
+    """1 while the ROI cannot judge."""
+    alarm: str
+    """State of the lump alarm."""
+    blind_alarm: str
+    """State of the blind alarm."""
+    sequence: int
+    """Sequence of the ROI's last alarm record; 0: there was none."""
+    valid_s: float
+    """A consumer that hears nothing for longer goes to its safe state."""
 
 
 class AlarmData(Record):
@@ -146,8 +171,18 @@ class AlarmData(Record):
     """Camera id."""
     roi: str
     """ROI id."""
-    change: Literal["raised", "cleared", "acknowledged"]
-    """What happened."""
+    alarm_class: AlarmClass = Field(
+        default=AlarmClass.LUMP,
+        validation_alias=AliasChoices("class", "alarm_class"),
+        serialization_alias="class",
+    )
+    """`lump`, or `blind`: the ROI cannot judge."""
+    priority: Priority = "high"
+    """How soon an operator must respond."""
+    sequence: int = 0
+    """Rises by one from record to record of a ROI, over restarts too; the same number is the same record."""
+    change: Change
+    """What happened; `active` and `inactive` are the condition while it is shelved, suppressed or out of service."""
     state: str
     """State of the alarm after it."""
     previous: str
@@ -167,7 +202,11 @@ class AlarmData(Record):
     timing: Timing | None = None
     """Capture and decision time."""
     actor: str | None = None
-    """Who acknowledged."""
+    """Who did it; null: the machine."""
+    reason: str | None = None
+    """Why: as the operator said, the plant's signal, or what makes the ROI blind."""
+    until: datetime | None = None
+    """When the hold that begins ends by itself (UTC)."""
     prior: int = 0
     """Version of the prior in use."""
 
@@ -182,7 +221,7 @@ class AlarmEvent(Record):
     source: str
     """`/lumpwatch/{site}/{camera}/{roi}`."""
     type: str
-    """`io.lumpwatch.alarm.raised.v1`, `….cleared.v1` or `….acknowledged.v1`."""
+    """`io.lumpwatch.alarm.{change}.v1`."""
     subject: str
     """`{camera}/{roi}`."""
     time: datetime

@@ -11,11 +11,14 @@ from multiprocessing.connection import Connection
 
 from prometheus_client import CollectorRegistry
 
+from service.acts import act_of, read
+from service.alarms import AlarmClass, AlarmRequestError, Change
+from service.announcer import VALID_S, Announcer
 from service.bus.bus import Bus
 from service.bus.errors import BusClosed
-from service.bus.keys import Keys
-from service.bus.messages import Handler, Publisher
-from service.bus.session import open_client
+from service.bus.keys import Keys, Kind
+from service.bus.messages import Callback, Handler
+from service.bus.session import host_clock, open_client
 from service.config import SiteConfig
 from service.errors import LumpwatchError
 from service.frames import Frame
@@ -24,8 +27,9 @@ from service.logs import log_to_stderr
 from service.messages import Heartbeat, RoiBeat, utc
 from service.pipeline import CameraPipeline, RoiResult
 from service.prior_watch import PriorWatch
-from service.report import Clocks, alarm_event, state_message
+from service.report import Clocks
 from service.sources.timing import StreamClock
+from service.store.event_writer import EventWriter
 from service.store.prior import encode
 from service.store.priors import PriorStore
 from service.telemetry.metrics import MonitorMetrics
@@ -33,7 +37,6 @@ from service.telemetry.metrics import MonitorMetrics
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 1.0
-HEARTBEAT_VALID_S = 3.0
 LOOK_EVERY_S = 0.25
 """How often states are decided and published while no frame comes."""
 
@@ -45,12 +48,14 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     link = WorkerLink(connection, registry)
     camera = config.camera(camera_id)
     metrics = MonitorMetrics(registry, camera_id, tuple(roi.id for roi in camera.rois))
+    events = EventWriter(config.store.path, camera_id, metrics, time.time)
     try:
         with open_client(config.bus, link.stop) as bus:
-            Monitor(config, camera_id, bus, link, metrics).run()
+            Monitor(config, camera_id, bus, link, metrics, events).run()
     except BusClosed:
         pass  # told to stop before the hub was there
     finally:
+        events.close()
         link.close()
 
 
@@ -58,42 +63,54 @@ class Monitor:
     """One camera's monitor; `run` is its main loop."""
 
     def __init__(
-        self, config: SiteConfig, camera_id: str, bus: Bus, link: WorkerLink, metrics: MonitorMetrics
+        self,
+        config: SiteConfig,
+        camera_id: str,
+        bus: Bus,
+        link: WorkerLink,
+        metrics: MonitorMetrics,
+        events: EventWriter,
     ) -> None:
         self._site = config.site
         self._camera = config.camera(camera_id)
         self._bus = bus
         self._link = link
         self._metrics = metrics
-        self._lock = threading.Lock()  # acknowledgements arrive in threads of the bus
+        self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
         self._priors = PriorWatch(
             PriorStore(config.store.path, config.store.keep_priors), camera_id, config.store.poll_s, metrics
         )
         self._pipeline = CameraPipeline(
-            self._camera, {roi.id: self._priors.first(roi.id) for roi in self._camera.rois}, metrics
+            self._camera,
+            {roi.id: self._priors.first(roi.id) for roi in self._camera.rois},
+            metrics,
+            events.alarms(time.monotonic(), time.time(), host_clock()),
         )
         self._keys = Keys(config.site)
         self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
         self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
-        self._states: dict[str, Publisher] = {}
-        self._alarms: dict[str, Publisher] = {}
-        for roi in self._camera.rois:
-            self._states[roi.id] = bus.publisher(self._keys.state(camera_id, roi.id))
-            self._alarms[roi.id] = bus.alarm_publisher(self._keys.alarm(camera_id, roi.id))
+        self._announcer = Announcer(
+            config.site,
+            self._camera,
+            bus,
+            events,
+            metrics,
+            host_clock(),
+            lambda: Clocks(time.monotonic(), time.time()),
+        )
         self._decisions: dict[str, RoiResult] = {}
         self._decided_s: dict[str, float] = {}
         self._far_clock = StreamClock()  # of a camera process on another host
         self._told_skipped = 0
         self._told_malformed: dict[str, int] = {}
-        self._alarm_number = 0
         self._beats = 0
 
     def run(self) -> None:
         """Until the link says stop."""
+        self._announcer.send_again()
         self._publish(self._pipeline.look(time.monotonic()))
         for roi in self._camera.rois:
-            self._bus.serve(self._keys.ack(self._camera.id, roi.id), self._acknowledger(roi.id))
-            self._bus.serve(self._keys.prior(self._camera.id, roi.id), self._prior_reader(roi.id))
+            self._serve(roi.id)
         self._bus.alive(self._keys.alive("monitor", self._camera.id))
         self._link.state = "running"
         looked_s = beat_s = 0.0
@@ -104,7 +121,10 @@ class Monitor:
             with self._lock:
                 if frame is not None:
                     try:
-                        self._publish(self._pipeline.process(frame, now))
+                        results = self._pipeline.process(frame, now)
+                        self._publish(results)
+                        if not results:
+                            frame = None  # one that is not newer does not keep the picture alive
                     except LumpwatchError as error:
                         log.error("%s", error)  # noqa: TRY400 - the line says it all
                         self._metrics.dropped("unfit")
@@ -118,6 +138,20 @@ class Monitor:
                     self._look_for_priors(now)
                     beat_s = now
 
+    def _serve(self, roi: str) -> None:
+        """Answer operators, the plant, and whoever wants the prior."""
+        keys = {
+            Kind.ACK: self._keys.ack,
+            Kind.SHELVE: self._keys.shelve,
+            Kind.UNSHELVE: self._keys.unshelve,
+            Kind.SERVICE: self._keys.service,
+            Kind.SUPPRESS: self._keys.suppress,
+        }
+        for kind, key in keys.items():
+            self._bus.serve(key(self._camera.id, roi), self._act(kind, roi))
+        self._bus.subscribe(self._keys.suppress(self._camera.id, roi), self._suppressor(roi))
+        self._bus.serve(self._keys.prior(self._camera.id, roi), self._prior_reader(roi))
+
     def _take(self) -> Frame | None:
         """The newest frame, with its times on the clock of this host."""
         frame = self._inbox.take(LOOK_EVERY_S)
@@ -128,39 +162,14 @@ class Monitor:
         return replace(frame, received_s=received, capture_s=received - (frame.received_s - frame.capture_s))
 
     def _publish(self, results: tuple[RoiResult, ...]) -> None:
+        self._announcer.announce(results)
         for result in results:
-            now = time.monotonic()
-            clocks = Clocks(now, time.time())
-            if result.transition is not None:
-                self._send_alarm(result, clocks)
-            message = state_message(result, self._site, self._camera.id, clocks)
-            self._states[result.roi].put(message.line())
-            self._metrics.state(result.roi, result.decision, result.existence, result.alarm.state)
             if result.decided and result.frame is not None and result.detection is not None:
+                now = time.monotonic()
                 self._decided_s[result.roi] = self._link.decided[result.roi] = now
-                self._metrics.decided(
-                    result.roi,
-                    now - result.frame.received_s,
-                    result.detection,
-                )
+                self._metrics.decided(result.roi, now - result.frame.received_s, result.detection)
             self._tell_change(result)
             self._decisions[result.roi] = result
-
-    def _send_alarm(self, result: RoiResult, clocks: Clocks) -> None:
-        transition = result.transition
-        assert transition is not None
-        self._alarm_number += 1
-        event = alarm_event(result, self._site, self._camera.id, self._alarm_number, clocks)
-        self._alarms[result.roi].put(event.line())
-        self._metrics.transition(result.roi, transition)
-        log.warning(
-            "%s/%s: alarm %s (existence %.2f, frame %d)",
-            self._camera.id,
-            result.roi,
-            transition.change.value,
-            result.existence,
-            event.data.frame,
-        )
 
     def _tell_change(self, result: RoiResult) -> None:
         before = self._decisions.get(result.roi)
@@ -180,7 +189,7 @@ class Monitor:
             camera=self._camera.id,
             seq=self._beats,
             time=utc(time.time()),
-            valid_s=HEARTBEAT_VALID_S,
+            valid_s=VALID_S,
             rois=rois,
         )
         self._heartbeat.put(beat.line())
@@ -201,19 +210,42 @@ class Monitor:
                 self._pipeline.use_prior(roi.id, prior)
             self._priors.measure(roi.id, self._pipeline.prior(roi.id), time.time())
 
-    def _acknowledger(self, roi: str) -> Handler:
-        def acknowledge(parameters: dict[str, str], payload: bytes | None) -> bytes:
-            actor = parameters.get("actor", "").strip()[:128]
-            if not actor:
-                raise ValueError("say who acknowledges: …/ack?actor=NAME")
-            now = time.monotonic()
-            with self._lock:
-                result = self._pipeline.acknowledge(roi, actor, now)
-                self._publish((result,))
-            done = result.transition is not None
-            return json.dumps({"acknowledged": done, "alarm": result.alarm.state.value}).encode()
+    def _act(self, kind: Kind, roi: str) -> Handler:
+        def handle(parameters: dict[str, str], payload: bytes | None) -> bytes:
+            try:
+                alarm_class, act = act_of(kind, read(parameters, payload))
+                with self._lock:
+                    result = self._pipeline.act(roi, alarm_class, act, time.monotonic())
+                    self._publish((result,))
+                    sequence = self._announcer.sequence(roi)
+            except AlarmRequestError:
+                self._metrics.refused(roi, kind.value)
+                raise
+            changes = [one.transition.change for one in result.changes if one.alarm_class is alarm_class]
+            alarm = result.alarm if alarm_class is AlarmClass.LUMP else result.blind_alarm
+            answer = {
+                "class": alarm_class.value,
+                "changes": [change.value for change in changes],
+                "alarm": alarm.state.value,
+                "active": alarm.active,
+                "sequence": sequence,
+            }
+            if kind is Kind.ACK:
+                answer["acknowledged"] = Change.ACKNOWLEDGED in changes
+            return json.dumps(answer).encode()
 
-        return acknowledge
+        return handle
+
+    def _suppressor(self, roi: str) -> Callback:
+        handle = self._act(Kind.SUPPRESS, roi)
+
+        def put(key: str, payload: bytes) -> None:
+            try:
+                handle({}, payload)
+            except AlarmRequestError as error:
+                log.warning("%s: %s", key, error)
+
+        return put
 
     def _prior_reader(self, roi: str) -> Handler:
         def read(parameters: dict[str, str], payload: bytes | None) -> bytes:

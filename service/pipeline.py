@@ -1,4 +1,4 @@
-"""The pipeline of one camera: frame -> filter of each ROI -> decision -> alarm.
+"""The pipeline of one camera: frame -> filter of each ROI -> decision -> alarms of both classes.
 
 Live monitoring and replay run this same object. It reads no clock: frames carry their times, and
 `now_s` is on the clock of their `received_s`.
@@ -7,13 +7,14 @@ Live monitoring and replay run this same object. It reads no clock: frames carry
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Protocol
 
 from models.roi import make_roi
-from service.alarms import Alarm, Transition, acknowledge, step
+from service.alarms import Alarm, AlarmClass, Changed, Rules, Transition, acknowledge, step, tick
+from service.config.alarm import AlarmConfig, BlindAlarmConfig, Priority
 from service.config.cameras import CameraConfig, RoiConfig
 from service.detection import Detection
 from service.detectors.base import Detector
@@ -55,6 +56,20 @@ class Unobserved:
         """Nothing."""
 
 
+Act = Callable[[Alarm, Rules, float], Changed]
+"""What an operator or the plant does to an alarm at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmChange:
+    """A transition, of which alarm, and the alarm after all that happened at that moment."""
+
+    alarm_class: AlarmClass
+    transition: Transition
+    alarm: Alarm
+    priority: Priority
+
+
 @dataclass(frozen=True, slots=True)
 class RoiResult:
     """The decision of one ROI."""
@@ -67,10 +82,19 @@ class RoiResult:
     detection: Detection | None
     existence: float
     alarm: Alarm
-    transition: Transition | None
+    """Of class lump."""
     prior: int
     decided: bool
     """Whether this result comes from filtering a new frame."""
+    blind_alarm: Alarm = Alarm()  # noqa: RUF009 - immutable
+    """Of class blind."""
+    changes: tuple[AlarmChange, ...] = ()
+    """What happened to both, in order."""
+
+    @property
+    def transition(self) -> Transition | None:
+        """The first change of the lump alarm."""
+        return next((c.transition for c in self.changes if c.alarm_class is AlarmClass.LUMP), None)
 
 
 @dataclass(slots=True)
@@ -81,13 +105,23 @@ class _Roi:
     prior: Prior | None
     detector: Detector | None = None
     sizer: Sizer | None = None
-    alarm: Alarm = field(default_factory=Alarm)
+    alarms: dict[AlarmClass, Alarm] = field(default_factory=lambda: {one: Alarm() for one in AlarmClass})
     detection: Detection | None = None
     failed: bool = False
 
     @property
     def version(self) -> int:
         return self.prior.version if self.prior else 0
+
+    def rules(self, alarm_class: AlarmClass) -> AlarmConfig | BlindAlarmConfig:
+        return self.config.alarm if alarm_class is AlarmClass.LUMP else self.config.alarm.blind
+
+    def take(self, alarm_class: AlarmClass, changed: Changed) -> tuple[AlarmChange, ...]:
+        """The alarm is another one now."""
+        alarm, made = changed
+        self.alarms[alarm_class] = alarm
+        priority = self.rules(alarm_class).priority
+        return tuple(AlarmChange(alarm_class, one, alarm, priority) for one in made)
 
 
 class CameraPipeline:
@@ -98,11 +132,16 @@ class CameraPipeline:
         config: CameraConfig,
         priors: Mapping[str, Prior | None] | None = None,
         observer: PipelineObserver | None = None,
+        alarms: Mapping[tuple[str, AlarmClass], Alarm] | None = None,
     ) -> None:
+        """`alarms` are those to go on with; others begin as NORMAL."""
         priors = priors or {}
         self._config = config
         self._observer: PipelineObserver = observer or Unobserved()
         self._rois = {roi.id: _Roi(roi, priors.get(roi.id)) for roi in config.rois}
+        for (roi, alarm_class), alarm in (alarms or {}).items():
+            if roi in self._rois:
+                self._rois[roi].alarms[alarm_class] = alarm
         self._frame: Frame | None = None
         self._size: tuple[int, int] | None = None
 
@@ -127,13 +166,21 @@ class CameraPipeline:
 
     def look(self, now_s: float) -> tuple[RoiResult, ...]:
         """The decision of every ROI without a new frame: BLIND once the last one is too old."""
-        return tuple(self._result(roi, None, now_s) for roi in self._rois.values())
+        return tuple(self._result(roi, (), now_s) for roi in self._rois.values())
 
-    def acknowledge(self, roi_id: str, actor: str, now_s: float) -> RoiResult:
-        """Acknowledge the alarm of a ROI; raises KeyError for one that does not exist."""
+    def acknowledge(
+        self, roi_id: str, actor: str, now_s: float, alarm_class: AlarmClass = AlarmClass.LUMP
+    ) -> RoiResult:
+        """Acknowledge an alarm of a ROI; raises KeyError for one that does not exist."""
+        return self.act(
+            roi_id, alarm_class, lambda alarm, _, time_s: all_of(acknowledge(alarm, actor, time_s)), now_s
+        )
+
+    def act(self, roi_id: str, alarm_class: AlarmClass, act: Act, now_s: float) -> RoiResult:
+        """Do something to an alarm; raises KeyError for a ROI that does not exist, and what `act` raises."""
         roi = self._rois[roi_id]
-        roi.alarm, transition = acknowledge(roi.alarm, actor, now_s)
-        return self._result(roi, transition, now_s)
+        changes = roi.take(alarm_class, act(roi.alarms[alarm_class], roi.rules(alarm_class), now_s))
+        return self._result(roi, changes, now_s)
 
     def prior(self, roi_id: str) -> Prior | None:
         """The prior that a ROI uses; None: the stated defaults."""
@@ -205,18 +252,22 @@ class CameraPipeline:
             roi.detector = make_detector(
                 roi.config.detector, roi.detector.roi, roi.prior.learned if roi.prior else None
             )
-            return self._result(roi, None, now_s)
+            return self._result(roi, (), now_s)
         done = perf_counter()
         self._observer.stage("cut", roi.config.id, cut - started)
         self._observer.stage("filter", roi.config.id, done - cut)
-        roi.alarm, transition = step(roi.alarm, roi.config.alarm, roi.detection.alarming, frame.capture_s)
-        return self._result(roi, transition, now_s, decided=True)
+        stepped = step(roi.alarms[AlarmClass.LUMP], roi.config.alarm, roi.detection.alarming, frame.capture_s)
+        return self._result(roi, roi.take(AlarmClass.LUMP, all_of(stepped)), now_s, decided=True)
 
     def _result(
-        self, roi: _Roi, transition: Transition | None, now_s: float, *, decided: bool = False
+        self, roi: _Roi, changes: tuple[AlarmChange, ...], now_s: float, *, decided: bool = False
     ) -> RoiResult:
         reason = self._blind(roi, now_s)
-        clear_or_lump = Decision.LUMP if roi.alarm.state.active else Decision.CLEAR
+        changes += self._judge_blindness(roi, reason, now_s)
+        for alarm_class in AlarmClass:
+            changes += roi.take(alarm_class, tick(roi.alarms[alarm_class], roi.rules(alarm_class), now_s))
+        lump = roi.alarms[AlarmClass.LUMP]
+        clear_or_lump = Decision.LUMP if lump.active else Decision.CLEAR
         decision = clear_or_lump if reason is None else Decision.BLIND
         existence = roi.detection.existence if roi.detection else 0.0
         return RoiResult(
@@ -226,11 +277,21 @@ class CameraPipeline:
             reason,
             roi.detection,
             existence,
-            roi.alarm,
-            transition,
+            lump,
             roi.version,
             decided,
+            roi.alarms[AlarmClass.BLIND],
+            changes,
         )
+
+    def _judge_blindness(
+        self, roi: _Roi, reason: BlindReason | None, now_s: float
+    ) -> tuple[AlarmChange, ...]:
+        blind = 0.0 if reason is None else 1.0
+        alarm, made = step(roi.alarms[AlarmClass.BLIND], roi.config.alarm.blind, blind, now_s)
+        if made is not None and reason is not None:
+            made = replace(made, reason=reason.value)
+        return roi.take(AlarmClass.BLIND, all_of((alarm, made)))
 
     def _blind(self, roi: _Roi, now_s: float) -> BlindReason | None:
         if self._frame is None:
@@ -242,3 +303,9 @@ class CameraPipeline:
         if now_s - self._frame.capture_s > self._config.blind_after_s:
             return BlindReason.STALE
         return None
+
+
+def all_of(changed: tuple[Alarm, Transition | None]) -> Changed:
+    """One transition, or none, as a tuple of them."""
+    alarm, made = changed
+    return alarm, () if made is None else (made,)

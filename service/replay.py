@@ -104,7 +104,7 @@ def replay(
     pipeline = CameraPipeline(camera, priors, _Drops(summary.dropped))
     watching = tuple(watchers)
     start_s: float | None = None
-    alarms_written = 0
+    sequences: Counter[str] = Counter()
     try:
         out.mkdir(parents=True, exist_ok=True)
         with (out / "states.jsonl").open("wb") as states, (out / "alarms.jsonl").open("wb") as alarms:
@@ -113,9 +113,7 @@ def replay(
                 results = pipeline.process(frame, frame.received_s)
                 for result in results:
                     states.write(state_line(result, camera.id, start_s).line() + b"\n")
-                    alarms_written += _write_alarm(
-                        alarms, result, site, camera.id, alarms_written + 1, start_s
-                    )
+                    _write_alarms(alarms, result, site, camera.id, sequences, start_s)
                     _add(summary.rois[result.roi], result)
                 summary.frames += 1
                 summary.duration_s = frame.capture_s - start_s
@@ -129,14 +127,21 @@ def replay(
     return summary
 
 
-def _write_alarm(
-    file: IO[bytes], result: RoiResult, site: str, camera: str, number: int, start_s: float
-) -> int:
-    if result.transition is None or result.frame is None:
-        return 0
+def _write_alarms(
+    file: IO[bytes],
+    result: RoiResult,
+    site: str,
+    camera: str,
+    sequences: Counter[str],
+    start_s: float,
+) -> None:
+    if result.frame is None:
+        return
     at = Clocks(result.frame.capture_s, result.frame.capture_s - start_s)
-    file.write(alarm_event(result, site, camera, number, at, start_s).line() + b"\n")
-    return 1
+    for change in result.changes:
+        sequences[result.roi] += 1
+        event = alarm_event(result, change, site, camera, sequences[result.roi], at, start_s)
+        file.write(event.line() + b"\n")
 
 
 def _add(one: RoiSummary, result: RoiResult) -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 
+from service.alarms import Change
 from service.detection import LumpSize
 from service.messages import (
     AlarmData,
     AlarmEvent,
+    Decision,
+    Level,
     ObjectRecord,
     SizeRecord,
     StateLine,
@@ -15,7 +19,7 @@ from service.messages import (
     Timing,
     utc,
 )
-from service.pipeline import RoiResult
+from service.pipeline import AlarmChange, RoiResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +105,10 @@ def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
     )
 
 
-def state_message(result: RoiResult, site: str, camera: str, clocks: Clocks) -> StateMessage:
-    """The state of a ROI on the bus."""
+def state_message(
+    result: RoiResult, site: str, camera: str, clocks: Clocks, sequence: int = 0
+) -> StateMessage:
+    """The state of a ROI on the bus; `sequence` is that of its last alarm record."""
     return StateMessage(
         frame=_number(result),
         time_s=_time(result, 0.0),
@@ -114,22 +120,40 @@ def state_message(result: RoiResult, site: str, camera: str, clocks: Clocks) -> 
         objects=objects(result),
         site=site,
         alarm=result.alarm.state.value,
+        blind_alarm=result.blind_alarm.state.value,
+        sequence=sequence,
         reason=result.reason,
         timing=clocks.timing(result),
         prior=result.prior,
     )
 
 
+def level(result: RoiResult, sequence: int, valid_s: float) -> Level:
+    """The least that a PLC gateway needs."""
+    return Level(
+        lump=1 if result.alarm.active else 0,
+        blind=1 if result.decision is Decision.BLIND else 0,
+        alarm=result.alarm.state.value,
+        blind_alarm=result.blind_alarm.state.value,
+        sequence=sequence,
+        valid_s=valid_s,
+    )
+
+
 def alarm_event(
-    result: RoiResult, site: str, camera: str, number: int, clocks: Clocks, start_s: float = 0.0
+    result: RoiResult,
+    change: AlarmChange,
+    site: str,
+    camera: str,
+    sequence: int,
+    clocks: Clocks,
+    start_s: float = 0.0,
 ) -> AlarmEvent:
-    """The record of the transition in a result; `number` makes its id unique within the source."""
-    transition = result.transition
-    assert transition is not None
-    timing = clocks.timing(result)
+    """The record of one change in a result; `sequence` makes its id unique within the source."""
+    transition = change.transition
     milliseconds = round(clocks.wall_s * 1000)
     return AlarmEvent(
-        id=f"{milliseconds:015d}-{number:06d}",
+        id=f"{milliseconds:015d}-{sequence:06d}",
         source=f"/lumpwatch/{site}/{camera}/{result.roi}",
         type=f"io.lumpwatch.alarm.{transition.change.value}.v1",
         subject=f"{camera}/{result.roi}",
@@ -138,7 +162,10 @@ def alarm_event(
             site=site,
             camera=camera,
             roi=result.roi,
-            change=transition.change.value,
+            alarm_class=change.alarm_class,
+            priority=change.priority,
+            sequence=sequence,
+            change=transition.change,
             state=transition.after.value,
             previous=transition.before.value,
             frame=_number(result),
@@ -147,11 +174,25 @@ def alarm_event(
             oversize=oversize(result),
             lip_s=soonest(result),
             objects=objects(result),
-            timing=timing,
+            timing=clocks.timing(result),
             actor=transition.actor,
+            reason=transition.reason,
+            until=_until(change, clocks),
             prior=result.prior,
         ),
     )
+
+
+def _until(change: AlarmChange, clocks: Clocks) -> datetime | None:
+    made, alarm = change.transition.change, change.alarm
+    hold = None
+    if made is Change.SHELVED:
+        hold = alarm.shelved
+    elif made is Change.SUPPRESSED:
+        hold = alarm.suppressed[-1] if alarm.suppressed else None
+    if hold is None or hold.until_s is None:
+        return None
+    return utc(clocks.wall_s + hold.until_s - clocks.monotonic_s)
 
 
 def _number(result: RoiResult) -> int:

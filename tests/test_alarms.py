@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from service.alarms import Alarm, AlarmState, Change, Transition, acknowledge, step
 from service.config import AlarmConfig
 
-NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED = AlarmState
+NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, SHELVED, SUPPRESSED, OUT = AlarmState
 CONFIG = AlarmConfig(raise_above=0.9, clear_below=0.5, on_delay_s=0.2, off_delay_s=1.0, latch=True)
 
 
@@ -27,6 +28,14 @@ def run(
         if change is not None:
             changes.append(change)
     return alarm, changes
+
+
+def at(state: AlarmState, **more: Any) -> Alarm:
+    """An alarm without holds in that state."""
+    active, waits = state.active, state in (UNACKNOWLEDGED, RETURNED)
+    alarm = Alarm(active, waits, **more)
+    assert alarm.state is state
+    return alarm
 
 
 # Transitions by hand; with delays of zero one frame decides
@@ -56,7 +65,7 @@ def test_transitions_by_existence(
 ) -> None:
     config = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, latch=latch)
     expected = (RETURNED if latch else NORMAL) if after == "latched" else after
-    alarm, made = step(Alarm(before), config, existence, 7.0)
+    alarm, made = step(at(before), config, existence, 7.0)
     assert alarm.state is expected
     if change is None:
         assert made is None
@@ -75,13 +84,13 @@ def test_transitions_by_existence(
     ],
 )
 def test_acknowledging(before: AlarmState, after: AlarmState | None) -> None:
-    alarm, made = acknowledge(Alarm(before, since_s=4.0), "Ada", 5.0)
+    alarm, made = acknowledge(at(before, since_s=4.0), "Ada", 5.0)
     if after is None:
         assert made is None
-        assert alarm == Alarm(before, since_s=4.0)
+        assert alarm == at(before, since_s=4.0)
     else:
         assert made == Transition(Change.ACKNOWLEDGED, before, after, 5.0, "Ada")
-        assert alarm == Alarm(after, since_s=4.0, actor="Ada")
+        assert alarm == at(after, since_s=4.0, actor="Ada")
 
 
 def test_active_means_that_the_lump_is_there() -> None:
@@ -106,7 +115,7 @@ def test_delays_hold_at_any_frame_rate(fps: float, delay_s: float, start_s: floa
     assert [change.change for change in raised] == [Change.RAISED]
     # The first frame that is `delay_s` after the first crossing, give or take rounding of the times.
     assert delay_s - 2e-6 <= raised[0].time_s - start_s < delay_s + 1 / fps - 1e-7
-    _, cleared = run(config, [(t, 0.0) for t in times], Alarm(ACKNOWLEDGED))
+    _, cleared = run(config, [(t, 0.0) for t in times], at(ACKNOWLEDGED))
     assert cleared[0].time_s == raised[0].time_s
 
 
@@ -119,12 +128,12 @@ def test_a_break_starts_the_delay_anew() -> None:
 def test_between_the_thresholds_nothing_changes() -> None:
     existences = [(k / 10, 0.7) for k in range(100)]
     for state in (NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED):
-        alarm, changes = run(CONFIG, existences, Alarm(state))
+        alarm, changes = run(CONFIG, existences, at(state))
         assert (alarm.state, changes) == (state, [])
 
 
 def test_acknowledging_does_not_delay_the_clearing() -> None:
-    alarm, _ = run(CONFIG, [(0.0, 0.1), (0.5, 0.1)], Alarm(UNACKNOWLEDGED))
+    alarm, _ = run(CONFIG, [(0.0, 0.1), (0.5, 0.1)], at(UNACKNOWLEDGED))
     alarm, _ = acknowledge(alarm, "Ada", 0.6)
     _, changes = run(CONFIG, [(0.9, 0.1), (1.0, 0.1)], alarm)
     assert [(c.change, c.time_s, c.after) for c in changes] == [(Change.CLEARED, 1.0, NORMAL)]

@@ -23,6 +23,11 @@ def test_keys_are_those_of_the_contract() -> None:
     assert keys.state("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/state"
     assert keys.alarm("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/alarm"
     assert keys.ack("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/ack"
+    assert keys.level("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/level"
+    assert keys.shelve("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/shelve"
+    assert keys.unshelve("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/unshelve"
+    assert keys.service("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/service"
+    assert keys.suppress("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/suppress"
     assert keys.prior("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/prior"
     assert keys.alive("camera", "c1") == "lumpwatch/v1/north-pit/@alive/camera/c1"
 
@@ -33,6 +38,7 @@ def test_selectors_are_those_of_the_contract() -> None:
     assert keys.heartbeats() == "lumpwatch/v1/s/*/heartbeat"
     assert keys.states() == "lumpwatch/v1/s/*/*/state"
     assert keys.alarms() == "lumpwatch/v1/s/*/*/alarm"
+    assert keys.levels() == "lumpwatch/v1/s/*/*/level"
     assert keys.everyone_alive() == "lumpwatch/v1/s/@alive/**"
 
 
@@ -45,6 +51,8 @@ def test_parse_is_the_reverse(site: str, one: str, two: str) -> None:
     assert parse(keys.state(one, two)) == Address(site, Kind.STATE, camera=one, roi=two)
     assert parse(keys.alarm(one, two)) == Address(site, Kind.ALARM, camera=one, roi=two)
     assert parse(keys.ack(one, two)) == Address(site, Kind.ACK, camera=one, roi=two)
+    for kind in (Kind.LEVEL, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS):
+        assert parse(getattr(keys, kind.value)(one, two)) == Address(site, kind, camera=one, roi=two)
     assert parse(keys.prior(one, two)) == Address(site, Kind.PRIOR, camera=one, roi=two)
     assert parse(keys.alive(one, two)) == Address(site, Kind.ALIVE, role=one, name=two)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import signal
@@ -17,15 +19,37 @@ import pytest
 
 from service.cli import main
 from service.cli.alarms import describe_alarm, describe_state
+from service.cli.events import moment
+from service.cli.operate import seconds
 from service.config import load
+from service.errors import ConfigError
+from service.store.events import Entry, EventLog, event_file
 from service.store.prior import encode
 from service.store.priors import PriorStore, read_file
 from tests.service_helpers import prior, site_tree
 from tests.test_bus_support import free_endpoint
+from tests.test_event_log import event
 from tests.test_messages import RECORDS
 
 LUMPWATCH = str(Path(sys.executable).with_name("lumpwatch"))
-COMMANDS = ("run", "demo", "replay", "evaluate", "train", "priors", "check", "schema", "alarms", "simulate")
+COMMANDS = (
+    "run",
+    "demo",
+    "replay",
+    "evaluate",
+    "backtest",
+    "train",
+    "priors",
+    "check",
+    "schema",
+    "alarms",
+    "simulate",
+    "ack",
+    "shelve",
+    "unshelve",
+    "service",
+    "events",
+)
 Captured = pytest.CaptureFixture[str]
 
 
@@ -105,6 +129,11 @@ def test_the_version(capsys: Captured) -> None:
         ("simulate", "out", "--seed", "x"),
         ("priors", "burn", "a.yaml", "--camera", "c", "--roi", "r"),
         ("alarms", "a.yaml", "--count", "many"),
+        ("ack", "a.yaml", "--camera", "c", "--roi", "r"),
+        ("ack", "a.yaml", "--camera", "c", "--roi", "r", "--actor", "a", "--class", "dust"),
+        ("shelve", "a.yaml", "--camera", "c", "--roi", "r", "--actor", "a", "--for", "1h"),
+        ("service", "a.yaml", "off", "--camera", "c", "--roi", "r", "--actor", "a"),
+        ("events", "a.yaml", "--format", "xml"),
     ],
 )
 def test_bad_arguments_are_one_line(capsys: Captured, arguments: tuple[str, ...]) -> None:
@@ -115,7 +144,11 @@ NEEDS_CONFIG = [
     ("check", "{}"),
     ("run", "{}"),
     ("alarms", "{}"),
+    ("events", "{}"),
     ("replay", "{}", "clip.mp4", "--camera", "cam", "--out", "out"),
+    ("ack", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
+    ("unshelve", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
+    ("service", "{}", "in", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
     ("train", "{}", "clip.mp4", "gt.txt", "--camera", "cam", "--roi", "apron"),
     ("priors", "list", "{}", "--camera", "cam", "--roi", "apron"),
 ]
@@ -132,7 +165,7 @@ def test_a_bad_configuration_is_one_line(
     assert f"{path}: sight: unknown key" in failed(capsys, *given, code=2)
 
 
-@pytest.mark.parametrize("arguments", NEEDS_CONFIG[3:])
+@pytest.mark.parametrize("arguments", NEEDS_CONFIG[4:])
 def test_a_camera_or_roi_that_is_not_configured_is_one_line(
     capsys: Captured, config: Path, arguments: tuple[str, ...]
 ) -> None:
@@ -180,7 +213,7 @@ def test_check_hides_the_password(capsys: Captured, config: Path) -> None:
     assert "hunter2" not in told
 
 
-@pytest.mark.parametrize("of", ["config", "alarm", "state", "heartbeat", "replay"])
+@pytest.mark.parametrize("of", ["config", "alarm", "state", "heartbeat", "level", "replay"])
 def test_schemas_are_schemas(capsys: Captured, of: str) -> None:
     schema = json.loads(done(capsys, "schema", of))
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -366,6 +399,86 @@ def test_a_malformed_record_is_told_in_one_line(payload: bytes) -> None:
     for told in (describe_alarm(payload), describe_state(payload)):
         assert told.startswith("a malformed ")
         assert f"of {len(payload)} bytes" in told
+
+
+# Operating, and the event log
+
+OF = ("--camera", "cam", "--roi", "apron", "--actor", "Ada")
+
+
+def test_operating_without_a_daemon_is_one_line(capsys: Captured, config: Path) -> None:
+    assert "bus: cannot connect" in failed(capsys, "ack", config, *OF, code=1)
+
+
+@pytest.mark.parametrize("span", ["", "soon", "0", "-5m", "5 m", "5x", "nan"])
+def test_spans_that_are_none(capsys: Captured, config: Path, span: str) -> None:
+    with pytest.raises(ConfigError, match="is not a time such as"):
+        seconds(span)
+    told = failed(capsys, "shelve", config, *OF, f"--for={span}", "--reason", "x", code=2)
+    assert "is not a time such as" in told
+
+
+@pytest.mark.parametrize(
+    ("span", "expected"),
+    [("90", 90), ("90s", 90), ("30m", 1800), ("1h30m", 5400), ("1.5h", 5400), ("2d", 172_800)],
+)
+def test_spans(span: str, expected: float) -> None:
+    assert seconds(span) == expected
+
+
+def test_moments() -> None:
+    assert moment("2024-05-17T06:00:00+02:00", 0.0) == 1_715_918_400.0
+    assert moment("12h", 1e6) == 1e6 - 43_200
+    with pytest.raises(ConfigError, match="--since 'yesterday': is neither"):
+        moment("yesterday", 0.0)
+
+
+def test_out_of_service_needs_a_reason(capsys: Captured, config: Path) -> None:
+    assert "needs --reason" in failed(capsys, "service", config, "out", *OF, code=2)
+
+
+def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:
+    assert "holds no event log" in failed(capsys, "events", config, code=1)
+    log = EventLog(event_file(config.parent / "var", "cam"))
+    log.append([Entry(event(k, reason='dust, and "more"'), b"") for k in (1, 2)])
+    log.close()
+    first, second = (
+        json.loads(line) for line in done(capsys, "events", config, "--format", "jsonl").splitlines()
+    )
+    assert (first["sequence"], second["sequence"]) == (1, 2)
+    assert first == {
+        "time": "2023-11-14T22:13:21+00:00",
+        "monotonic_s": 101.0,
+        "camera": "cam",
+        "roi": "apron",
+        "class": "lump",
+        "change": "raised",
+        "before": "NORMAL",
+        "after": "UNACKNOWLEDGED",
+        "actor": "Ada",
+        "reason": 'dust, and "more"',
+        "existence": 0.97,
+        "frame": 41,
+        "id": "id-000001",
+        "sequence": 1,
+    }
+    rows = list(csv.DictReader(io.StringIO(done(capsys, "events", config, "--format", "csv"))))
+    assert [{k: str(v) for k, v in one.items()} for one in (first, second)] == rows
+    table = done(capsys, "events", config, "--camera", "cam")
+    assert 'dust, and "more"' in table
+    assert table.count("UNACKNOWLEDGED") == 2
+    since = ("--since", "2023-11-14T22:13:22+00:00")
+    assert len(done(capsys, "events", config, *since, "--format", "jsonl").splitlines()) == 1
+    assert "is not in the configuration" in failed(capsys, "events", config, "--camera", "nope", code=2)
+
+
+def test_an_event_log_that_cannot_be_read_is_one_line(capsys: Captured, config: Path) -> None:
+    path = event_file(config.parent / "var", "cam")
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"nonsense" * 600)
+    assert "cam.sqlite: cannot be read (file is not a database)" in failed(
+        capsys, "events", config, "--format", "jsonl", code=1
+    )
 
 
 # As a process

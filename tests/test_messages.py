@@ -10,17 +10,19 @@ from typing import Any
 import jsonschema
 import pytest
 
-from service.alarms import Alarm, AlarmState, Change, Transition
+from service.alarms import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
 from service.cli.schema import text
 from service.detection import DetectedObject, Detection
-from service.messages import BlindReason, Decision, Heartbeat, RoiBeat, utc
-from service.pipeline import RoiResult
-from service.report import Clocks, alarm_event, state_line, state_message
+from service.messages import AlarmEvent, BlindReason, Decision, Heartbeat, RoiBeat, utc
+from service.pipeline import AlarmChange, RoiResult
+from service.report import Clocks, alarm_event, level, state_line, state_message
 from tests.service_helpers import frame
 
 SHARES = (("belt", 0.750004), ("fall", 0.249996))
 FOUND = DetectedObject(3, 101.2345, 50.0, 30.005, 20.0, 2.0, 3.333, 0.98765432, "belt", SHARES)
 RAISED = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 100.0)
+ALARM = Alarm(active=True, waits=True)
+CHANGE = AlarmChange(AlarmClass.LUMP, RAISED, ALARM, "high")
 RESULT = RoiResult(
     roi="apron",
     frame=frame(41, time_s=100.0, received_s=100.02),
@@ -28,13 +30,13 @@ RESULT = RoiResult(
     reason=None,
     detection=Detection(0.98765432, (FOUND,), 850.0, 0.0),
     existence=0.98765432,
-    alarm=Alarm(AlarmState.UNACKNOWLEDGED),
-    transition=RAISED,
+    alarm=ALARM,
     prior=4,
     decided=True,
+    changes=(CHANGE,),
 )
 STARTING = RoiResult(
-    "apron", None, Decision.BLIND, BlindReason.STARTING, None, 0.0, Alarm(), None, 0, decided=False
+    "apron", None, Decision.BLIND, BlindReason.STARTING, None, 0.0, Alarm(), 0, decided=False
 )
 CLOCKS = Clocks(monotonic_s=100.125, wall_s=1_700_000_000.5)
 BEAT = Heartbeat(
@@ -62,17 +64,20 @@ def validator(of: str) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(schema)
 
 
-EVENT = record(alarm_event(RESULT, "pit", "cam", 12, CLOCKS).line())
+EVENT = record(alarm_event(RESULT, CHANGE, "pit", "cam", 12, CLOCKS).line())
 RECORDS = {
     "alarm": [
         EVENT,
-        record(alarm_event(replace(RESULT, detection=None, frame=None), "pit", "cam", 1, CLOCKS).line()),
+        record(
+            alarm_event(replace(RESULT, detection=None, frame=None), CHANGE, "pit", "cam", 1, CLOCKS).line()
+        ),
     ],
     "state": [
         record(state_message(RESULT, "pit", "cam", CLOCKS).line()),
         record(state_message(STARTING, "pit", "cam", CLOCKS).line()),
     ],
     "heartbeat": [record(BEAT.line())],
+    "level": [record(level(RESULT, 12, 3.0).line()), record(level(STARTING, 0, 3.0).line())],
     "replay": [
         record(state_line(RESULT, "cam", 90.0).line()),
         record(state_line(STARTING, "cam", 0.0).line()),
@@ -102,6 +107,7 @@ def test_the_schema_describes_every_field_and_its_type(of: str) -> None:
         pytest.param("alarm", {"specversion"}),
         ("state", {"frame", "time_s", "camera", "roi", "state", "existence", "site", "alarm"}),
         ("heartbeat", {"site", "camera", "seq", "time", "valid_s"}),
+        ("level", {"lump", "blind", "alarm", "blind_alarm", "sequence", "valid_s"}),
         ("replay", {"frame", "time_s", "camera", "roi", "state", "existence"}),
     ],
 )
@@ -139,6 +145,9 @@ def test_what_an_alarm_record_says() -> None:
         "site": "pit",
         "camera": "cam",
         "roi": "apron",
+        "class": "lump",
+        "priority": "high",
+        "sequence": 12,
         "change": "raised",
         "state": "UNACKNOWLEDGED",
         "previous": "NORMAL",
@@ -148,6 +157,8 @@ def test_what_an_alarm_record_says() -> None:
         "oversize": None,
         "lip_s": None,
         "actor": None,
+        "reason": None,
+        "until": None,
         "prior": 4,
     }
     assert data["objects"] == [
@@ -175,15 +186,54 @@ def test_who_acknowledged_is_told() -> None:
     acknowledged = Transition(
         Change.ACKNOWLEDGED, AlarmState.UNACKNOWLEDGED, AlarmState.ACKNOWLEDGED, 101.0, "Ada"
     )
-    event = alarm_event(replace(RESULT, transition=acknowledged), "pit", "cam", 13, CLOCKS)
+    event = alarm_event(RESULT, replace(CHANGE, transition=acknowledged), "pit", "cam", 13, CLOCKS)
     assert event.type == "io.lumpwatch.alarm.acknowledged.v1"
     assert (event.data.change, event.data.actor) == ("acknowledged", "Ada")
     assert (event.data.previous, event.data.state) == ("UNACKNOWLEDGED", "ACKNOWLEDGED")
 
 
+def test_a_shelving_says_why_and_until_when() -> None:
+    shelved = Transition(
+        Change.SHELVED, AlarmState.NORMAL, AlarmState.SHELVED, 100.0, "Ada", "dust from the repair"
+    )
+    change = AlarmChange(
+        AlarmClass.BLIND, shelved, Alarm(shelved=Hold("Ada", "dust from the repair", 700.125)), "low"
+    )
+    event = alarm_event(RESULT, change, "pit", "cam", 14, CLOCKS)
+    assert event.type == "io.lumpwatch.alarm.shelved.v1"
+    assert (event.data.alarm_class, event.data.priority, event.data.reason) == (
+        AlarmClass.BLIND,
+        "low",
+        "dust from the repair",
+    )
+    assert event.data.until == utc(1_700_000_600.5)  # 600 s after CLOCKS on the wall clock
+    assert record(event.line())["data"]["class"] == "blind"
+    assert AlarmEvent.model_validate_json(event.line()) == event
+
+
+def test_records_of_before_there_were_classes_are_read() -> None:
+    old = {k: v for k, v in EVENT["data"].items() if k not in ("class", "priority", "sequence", "reason")}
+    event = AlarmEvent.model_validate({**EVENT, "data": old})
+    assert (event.data.alarm_class, event.data.sequence) == (AlarmClass.LUMP, 0)
+
+
+def test_a_level_is_small_and_says_the_least() -> None:
+    line = level(replace(RESULT, alarm=Alarm(active=True, shelved=Hold("Ada", "dust"))), 7, 3.0).line()
+    assert record(line) == {
+        "lump": 1,
+        "blind": 0,
+        "alarm": "SHELVED",
+        "blind_alarm": "NORMAL",
+        "sequence": 7,
+        "valid_s": 3.0,
+    }
+    assert len(line) < 128
+    assert record(level(STARTING, 0, 3.0).line())["blind"] == 1
+
+
 def test_ids_rise_with_time_and_number() -> None:
     moments = [(1, 0.0), (2, 0.0), (3, 9.9), (4, 1e9), (5, 1.7e9), (6, 1.7e9)]
-    ids = [alarm_event(RESULT, "pit", "cam", n, Clocks(100.0, wall)).id for n, wall in moments]
+    ids = [alarm_event(RESULT, CHANGE, "pit", "cam", n, Clocks(100.0, wall)).id for n, wall in moments]
     assert ids == sorted(set(ids))
 
 

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.alarms import AlarmState, Change
+from service.alarms import Alarm, AlarmClass, AlarmState, Change, shelve
 from service.camera import Reducer
 from service.config import CameraConfig
 from service.detectors.jdt import JdtDetector
 from service.errors import LumpwatchError
 from service.frames import Frame
 from service.messages import BlindReason, Decision
-from service.pipeline import CameraPipeline, RoiResult
+from service.pipeline import CameraPipeline, RoiResult, all_of
 from service.store.prior import Prior
 from tests.service_helpers import (
     HEIGHT,
@@ -400,3 +400,68 @@ def test_the_luma_of_i420_gives_the_same_results_as_gray() -> None:
     frames = scene(4, 8)
     planes = [replace(one, encoding="i420", data=np.vstack([one.data, chroma])) for one in frames]
     assert [bare(r) for r in feed(pipeline(), planes)] == [bare(r) for r in feed(pipeline(), frames)]
+
+
+# The alarm that it cannot see, and alarms of before a restart
+
+
+def blind_changes(results: tuple[RoiResult, ...]) -> list[tuple[str, str | None]]:
+    return [
+        (one.transition.change.value, one.transition.reason)
+        for result in results
+        for one in result.changes
+        if one.alarm_class is AlarmClass.BLIND
+    ]
+
+
+def test_blindness_that_lasts_is_an_alarm_of_its_own() -> None:
+    target = pipeline()  # blind after 1 s, alarm after 5 s of that
+    feed(target, scene(5, 0))  # the last at 0.4 s
+    made = [(k / 10, *one) for k in range(15, 100) for one in blind_changes(target.look(k / 10))]
+    assert made == [(6.5, "raised", "no_stream")]
+    result = target.look(10.0)[0]
+    assert (result.decision, result.blind_alarm.state) == (Decision.BLIND, AlarmState.UNACKNOWLEDGED)
+    assert result.alarm.state is AlarmState.NORMAL
+    result = target.acknowledge("apron", "Ada", 10.1, AlarmClass.BLIND)
+    assert result.blind_alarm.state is AlarmState.ACKNOWLEDGED
+    later = [blind_changes(target.process(frame(k), k / 10)) for k in range(102, 130)]
+    assert [one for made in later for one in made] == [("cleared", None)]
+
+
+def test_a_short_blindness_is_no_alarm() -> None:
+    target = pipeline()
+    feed(target, scene(5, 0))
+    assert [one for k in range(15, 60) for one in blind_changes(target.look(k / 10))] == []
+
+
+def test_a_shelving_ends_by_itself_without_frames() -> None:
+    target = pipeline()
+    feed(target, scene(0, 20))
+    shelved = target.act(
+        "apron",
+        AlarmClass.LUMP,
+        lambda alarm, rules, now_s: all_of(shelve(alarm, rules, now_s, "Ada", "dust", 3.0)),
+        2.0,
+    )
+    assert (shelved.alarm.state, shelved.decision) == (AlarmState.SHELVED, Decision.LUMP)
+    assert target.look(4.9)[0].changes == ()
+    (result,) = target.look(5.0)
+    assert [(one.transition.change, one.priority) for one in result.changes] == [
+        (Change.UNSHELVED, "high"),
+        (Change.RAISED, "high"),
+    ]
+    assert result.alarm.state is AlarmState.UNACKNOWLEDGED
+
+
+def test_alarms_of_before_a_restart_go_on() -> None:
+    waiting = Alarm(active=True, waits=True)
+    alarms = {
+        ("apron", AlarmClass.LUMP): waiting,
+        ("apron", AlarmClass.BLIND): Alarm(waits=True),
+        ("gone", AlarmClass.LUMP): waiting,
+    }
+    target = CameraPipeline(camera(), {"apron": prior()}, None, alarms)
+    (result,) = target.look(0.0)
+    assert (result.alarm, result.blind_alarm.state) == (waiting, AlarmState.RETURNED)
+    results = feed(target, scene(0, 30))
+    assert results[-1].alarm.state is AlarmState.UNACKNOWLEDGED

@@ -15,7 +15,7 @@ import pytest
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.alarms import AlarmState, Change, Transition
+from service.alarms import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
 from service.detection import DetectedObject, Detection
 from service.messages import Decision
 from service.telemetry.http import TelemetryError, TelemetryServer
@@ -40,8 +40,15 @@ def _monitor(registry: CollectorRegistry) -> None:
     other = replace(found, id=8, model_shares=(("belt", 0.25), ("fall", 0.75)), wrong_way=False)
     metrics.decided("apron", 0.012, Detection(0.97, (found, other), 850.0, 0.1))
     metrics.decided("apron", 0.012, Detection(0.97, (found, other), 850.0, 0.1))
-    metrics.state("apron", Decision.LUMP, 0.97, AlarmState.UNACKNOWLEDGED)
-    metrics.transition("apron", Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 1.0))
+    alarms = {AlarmClass.LUMP: Alarm(active=True, waits=True), AlarmClass.BLIND: Alarm()}
+    metrics.state("apron", Decision.LUMP, 0.97, alarms)
+    raised = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 1.0)
+    metrics.transition("apron", AlarmClass.LUMP, raised)
+    metrics.refused("chute", "ack")
+    metrics.events_written(3)
+    metrics.events_waiting(1)
+    metrics.event_problem("unwritable")
+    metrics.event_problem("lost", 2)
     metrics.prior("apron", 4, 60.0)
     metrics.prior_refused("chute", "unfit")
     metrics.dropped("late")
@@ -96,7 +103,7 @@ def test_labels_are_few_and_names_are_ours(process: str) -> None:
     assert len(samples) > 2
     for sample in samples:
         assert sample.name.startswith("lumpwatch_")
-        assert set(sample.labels) <= {"camera", "roi", "stage", "reason", "model", "le", "version"}
+        assert set(sample.labels) <= {"camera", "roi", "stage", "class", "reason", "model", "le", "version"}
         assert ("version" in sample.labels) is (sample.name == "lumpwatch_build_info")
 
 
@@ -135,31 +142,47 @@ def test_what_the_monitor_counts() -> None:
     assert found["lumpwatch_wrong_way_objects_total", "cam", "chute"] == 0
     assert found["lumpwatch_frames_processed_total", "cam", "chute"] == 0
     assert found["lumpwatch_existence_ratio", "cam", "apron"] == 0.97
-    assert found["lumpwatch_alarm_active", "cam", "apron"] == 1
-    assert found["lumpwatch_alarm_unacknowledged", "cam", "apron"] == 1
-    assert found["lumpwatch_alarm_transitions_total", "cam", "raised", "apron"] == 1
-    assert found["lumpwatch_alarm_transitions_total", "cam", "raised", "chute"] == 0
+    assert found["lumpwatch_alarm_active", "cam", "lump", "apron"] == 1
+    assert found["lumpwatch_alarm_active", "cam", "blind", "apron"] == 0
+    assert found["lumpwatch_alarm_unacknowledged", "cam", "lump", "apron"] == 1
+    assert found["lumpwatch_alarm_transitions_total", "cam", "lump", "raised", "apron"] == 1
+    assert found["lumpwatch_alarm_transitions_total", "cam", "blind", "raised", "apron"] == 0
+    assert found["lumpwatch_alarm_transitions_total", "cam", "lump", "raised", "chute"] == 0
+    assert found["lumpwatch_requests_refused_total", "cam", "ack", "chute"] == 1
+    assert found["lumpwatch_events_written_total", "cam"] == 3
+    assert found["lumpwatch_events_waiting", "cam"] == 1
+    assert found["lumpwatch_event_log_problems_total", "cam", "unwritable"] == 1
+    assert found["lumpwatch_event_log_problems_total", "cam", "lost"] == 2
+    assert found["lumpwatch_event_log_problems_total", "cam", "corrupt"] == 0
     assert found["lumpwatch_roi_blind", "cam", "apron"] == 0
     assert found["lumpwatch_roi_blind", "cam", "chute"] == 1
     assert found["lumpwatch_prior_version", "cam", "apron"] == 4
     assert found["lumpwatch_prior_problems_total", "cam", "unfit", "chute"] == 1
 
 
+HOLD = Hold("Ada", "dust")
+GAUGES = ("active", "unacknowledged", "shelved", "suppressed", "out_of_service")
+
+
+@pytest.mark.parametrize("alarm_class", AlarmClass)
 @pytest.mark.parametrize(
-    ("state", "active", "waiting"),
+    ("alarm", "expected"),
     [
-        (AlarmState.NORMAL, 0, 0),
-        (AlarmState.UNACKNOWLEDGED, 1, 1),
-        (AlarmState.ACKNOWLEDGED, 1, 0),
-        (AlarmState.RETURNED, 0, 1),
+        (Alarm(), (0, 0, 0, 0, 0)),
+        (Alarm(active=True, waits=True), (1, 1, 0, 0, 0)),
+        (Alarm(active=True), (1, 0, 0, 0, 0)),
+        (Alarm(waits=True), (0, 1, 0, 0, 0)),
+        (Alarm(active=True, shelved=HOLD), (1, 0, 1, 0, 0)),
+        (Alarm(suppressed=(HOLD,), out_of_service=HOLD), (0, 0, 0, 1, 1)),
     ],
 )
-def test_alarm_states_as_gauges(state: AlarmState, active: int, waiting: int) -> None:
+def test_alarm_states_as_gauges(alarm_class: AlarmClass, alarm: Alarm, expected: tuple[int, ...]) -> None:
     registry = CollectorRegistry()
-    MonitorMetrics(registry, "cam", ("apron",)).state("apron", Decision.CLEAR, 0.1, state)
-    labels = {"camera": "cam", "roi": "apron"}
-    assert registry.get_sample_value("lumpwatch_alarm_active", labels) == active
-    assert registry.get_sample_value("lumpwatch_alarm_unacknowledged", labels) == waiting
+    metrics = MonitorMetrics(registry, "cam", ("apron",))
+    metrics.state("apron", Decision.CLEAR, 0.1, {alarm_class: alarm})
+    labels = {"camera": "cam", "roi": "apron", "class": alarm_class.value}
+    found = tuple(registry.get_sample_value(f"lumpwatch_alarm_{name}", labels) for name in GAUGES)
+    assert found == expected
 
 
 # The relay

@@ -18,13 +18,30 @@ class Kind(StrEnum):
     HEARTBEAT = "heartbeat"
     STATE = "state"
     ALARM = "alarm"
+    LEVEL = "level"
     ACK = "ack"
+    SHELVE = "shelve"
+    UNSHELVE = "unshelve"
+    SERVICE = "service"
+    SUPPRESS = "suppress"
     PRIOR = "prior"
     ALIVE = "@alive"
 
 
 _OF_CAMERA = frozenset({Kind.FRAME, Kind.JPEG, Kind.HEARTBEAT})
-_OF_ROI = frozenset({Kind.STATE, Kind.ALARM, Kind.ACK, Kind.PRIOR})
+_OF_ROI = frozenset(
+    {
+        Kind.STATE,
+        Kind.ALARM,
+        Kind.LEVEL,
+        Kind.ACK,
+        Kind.SHELVE,
+        Kind.UNSHELVE,
+        Kind.SERVICE,
+        Kind.SUPPRESS,
+        Kind.PRIOR,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +85,29 @@ class Keys:
         """Transitions of the ROI's alarm."""
         return self._of_roi(camera, roi, Kind.ALARM)
 
+    def level(self, camera: str, roi: str) -> str:
+        """The least that a PLC gateway needs of the ROI."""
+        return self._of_roi(camera, roi, Kind.LEVEL)
+
     def ack(self, camera: str, roi: str) -> str:
         """Query that acknowledges the ROI's alarm."""
         return self._of_roi(camera, roi, Kind.ACK)
+
+    def shelve(self, camera: str, roi: str) -> str:
+        """Query that shelves the ROI's alarm."""
+        return self._of_roi(camera, roi, Kind.SHELVE)
+
+    def unshelve(self, camera: str, roi: str) -> str:
+        """Query that ends the shelving."""
+        return self._of_roi(camera, roi, Kind.UNSHELVE)
+
+    def service(self, camera: str, roi: str) -> str:
+        """Query that takes the ROI's alarm out of service, or puts it back."""
+        return self._of_roi(camera, roi, Kind.SERVICE)
+
+    def suppress(self, camera: str, roi: str) -> str:
+        """Put or query by which the plant suppresses the ROI's alarm."""
+        return self._of_roi(camera, roi, Kind.SUPPRESS)
 
     def prior(self, camera: str, roi: str) -> str:
         """Query for the prior that the ROI uses."""
@@ -95,6 +132,10 @@ class Keys:
     def alarms(self) -> str:
         """Selector: the alarms of all ROIs."""
         return f"{self._root}/*/*/{Kind.ALARM}"
+
+    def levels(self) -> str:
+        """Selector: the levels of all ROIs."""
+        return f"{self._root}/*/*/{Kind.LEVEL}"
 
     def everyone_alive(self) -> str:
         """Selector: the liveliness tokens of all processes (a plain `**` does not match them)."""

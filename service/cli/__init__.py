@@ -13,10 +13,38 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from service.cli import alarms, check, demo, evaluate, priors, replay, run, schema, simulate, train
+from service.cli import (
+    alarms,
+    backtest,
+    check,
+    demo,
+    evaluate,
+    events,
+    operate,
+    priors,
+    replay,
+    run,
+    schema,
+    simulate,
+    train,
+)
 from service.errors import LumpwatchError
 
-_COMMANDS = (run, demo, replay, evaluate, train, priors, check, schema, alarms, simulate)
+_COMMANDS = (
+    run,
+    demo,
+    replay,
+    evaluate,
+    backtest,
+    train,
+    priors,
+    check,
+    schema,
+    alarms,
+    operate,
+    events,
+    simulate,
+)
 
 
 class _Parser(argparse.ArgumentParser):

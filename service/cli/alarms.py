@@ -9,6 +9,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from service.alarms import AlarmClass, AlarmState
+from service.bus.bus import Bus
 from service.bus.keys import Keys
 from service.bus.session import open_client
 from service.cli.common import Commands, add_command, stop_on_signals
@@ -51,7 +53,10 @@ def alarms(arguments: argparse.Namespace) -> int:
     stop = stop_on_signals()
     with open_client(as_client(config.bus), stop, wait=False) as bus:
         if arguments.ack:
-            return _acknowledge(bus.ask, keys, arguments.ack, arguments.actor)
+            camera, _, roi = arguments.ack.partition("/")
+            told = ask_one(bus, keys.ack(camera, roi), {"actor": arguments.actor}, arguments.ack)
+            _print(told.decode())
+            return 0
         done = threading.Event()
         seen = 0
         lock = threading.Lock()
@@ -78,15 +83,15 @@ def alarms(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _acknowledge(ask, keys: Keys, target: str, actor: str) -> int:  # type: ignore[no-untyped-def]
-    camera, _, roi = target.partition("/")
-    replies = ask(keys.ack(camera, roi), {"actor": actor})
+def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str) -> bytes:
+    """The only answer to a query; raises LumpwatchError where there is none, or it is an error."""
+    replies = bus.ask(key, parameters)
     if not replies:
         raise LumpwatchError(f"nobody answers for {target}: is the daemon running and the name right?")
-    if replies[0].error is not None:
-        raise LumpwatchError(f"{target}: {replies[0].error}")
-    _print(replies[0].payload.decode())
-    return 0
+    reply = replies[0]
+    if reply.payload is None:
+        raise LumpwatchError(f"{target}: {reply.error}")
+    return reply.payload
 
 
 def describe_alarm(payload: bytes) -> str:
@@ -101,8 +106,10 @@ def describe_alarm(payload: bytes) -> str:
         box = data.objects[0]
         where = f", box {box.w:.0f} x {box.h:.0f} px at ({box.x:.0f}, {box.y:.0f}), {box.model}"
     actor = f" by {data.actor}" if data.actor else ""
+    what = data.change.value if data.alarm_class is AlarmClass.LUMP else f"blind {data.change.value}"
+    why = f" ({data.reason})" if data.reason else ""
     return (
-        f"{event.time:%Y-%m-%d %H:%M:%S} {data.camera}/{data.roi}: {data.change}{actor}, now {data.state}, "
+        f"{event.time:%Y-%m-%d %H:%M:%S} {data.camera}/{data.roi}: {what}{actor}{why}, now {data.state}, "
         f"existence {data.existence:.2f}, frame {data.frame}{where}"
     )
 
@@ -114,9 +121,10 @@ def describe_state(payload: bytes) -> str:
     except ValidationError:
         return f"a malformed state of {len(payload)} bytes"
     reason = f" ({state.reason.value})" if state.reason else ""
+    blind = "" if state.blind_alarm == AlarmState.NORMAL else f", blind alarm {state.blind_alarm}"
     return (
         f"{state.camera}/{state.roi}: {state.state.value}{reason}, "
-        f"alarm {state.alarm}, existence {state.existence:.2f}"
+        f"alarm {state.alarm}{blind}, existence {state.existence:.2f}"
     )
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from service.alarms import AlarmClass
 from service.bus.bus import Bus
 from service.bus.keys import Keys
 from service.bus.session import open_client
@@ -161,7 +162,8 @@ class _Follower:
 
     def _on_alarm(self, key: str, payload: bytes) -> None:
         event = AlarmEvent.model_validate_json(payload)
-        self._alarms[event.data.change] += 1
+        if event.data.alarm_class == AlarmClass.LUMP:
+            self._alarms[event.data.change] += 1
         style = "bold red" if event.data.change == "raised" else "green"
         self._console.print(f"ALARM {describe_alarm(payload)}", style=style, soft_wrap=True)
 

@@ -8,12 +8,13 @@ import sys
 
 from service.cli.common import Commands, add_command
 from service.config import schema as config_schema
-from service.messages import AlarmEvent, Heartbeat, Record, StateLine, StateMessage
+from service.messages import AlarmEvent, Heartbeat, Level, Record, StateLine, StateMessage
 
 _MESSAGES: dict[str, type[Record]] = {
     "alarm": AlarmEvent,
     "state": StateMessage,
     "heartbeat": Heartbeat,
+    "level": Level,
     "replay": StateLine,
 }
 

@@ -1,16 +1,52 @@
-"""When a ROI raises and clears its alarm."""
+"""When a ROI raises and clears its alarms, and what may keep them from being announced."""
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import model_validator
 
-from service.config.base import Delay, Probability, Strict
+from service.config.base import Delay, PositiveSeconds, Probability, Strict
+
+Priority = Literal["critical", "high", "medium", "low"]
 
 
-class AlarmConfig(Strict):
-    """Hysteresis and delays between the probability of existence and the alarm."""
+class AnnunciationConfig(Strict):
+    """What both classes of alarm have."""
+
+    priority: Priority = "high"
+    """How soon an operator must respond."""
+    re_alarm_s: PositiveSeconds | None = None
+    """An alarm that nobody acknowledged is announced again after this long; left out: never."""
+    shelve_max_s: PositiveSeconds = 28_800.0
+    """The longest time for which it may be shelved at once."""
+    suppress_max_s: PositiveSeconds = 3_600.0
+    """The longest validity that a plant signal may claim for its suppression."""
+
+
+class BlindAlarmConfig(AnnunciationConfig):
+    """The alarm that a ROI cannot judge: class `blind`."""
+
+    on_delay_s: Delay = 5.0
+    """How long the ROI must be BLIND without a break; the state says so at once."""
+    off_delay_s: Delay = 2.0
+    """How long it must see without a break."""
+    latch: bool = False
+    """After it sees again, stay in RETURNED until someone acknowledges."""
+
+    @property
+    def raise_above(self) -> float:
+        """BLIND counts as 1, anything else as 0."""
+        return 0.5
+
+    @property
+    def clear_below(self) -> float:
+        """See `raise_above`."""
+        return 0.5
+
+
+class AlarmConfig(AnnunciationConfig):
+    """Hysteresis and delays between the probability of existence and the alarm of class `lump`."""
 
     raise_above: Probability = 0.9
     """Existence must exceed this to raise the alarm."""
@@ -22,6 +58,8 @@ class AlarmConfig(Strict):
     """How long existence must stay below `clear_below` without a break."""
     latch: bool = True
     """After the lump has gone, stay in RETURNED until someone acknowledges."""
+    blind: BlindAlarmConfig = BlindAlarmConfig()
+    """The alarm that the ROI cannot judge."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

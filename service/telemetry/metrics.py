@@ -1,6 +1,6 @@
 """The metrics of each process.
 
-Base units; labels are camera, roi, stage, reason and model only. A worker process fills a registry of its
+Base units; labels are camera, roi, class, stage, reason and model only. A worker process fills a registry of its
 own, whose text travels to the daemon (see `relay`).
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
-from service.alarms import AlarmState, Transition
+from service.alarms import Alarm, AlarmClass, Change, Transition
 from service.detection import Detection
 from service.messages import Decision
 
@@ -123,15 +123,48 @@ class MonitorMetrics(_FrameMetrics):
             registry=registry,
         )
         self._existence = gauge("lumpwatch_existence_ratio", "Probability that a lump is there.")
-        self._active = gauge("lumpwatch_alarm_active", "1 while the alarm condition holds.")
-        self._unacknowledged = gauge(
+        of_alarm = (*labels, "class")
+
+        def alarm_gauge(name: str, text: str) -> Gauge:
+            return Gauge(name, text, of_alarm, registry=registry)
+
+        self._active = alarm_gauge(
+            "lumpwatch_alarm_active", "1 while the alarm condition holds, announced or not."
+        )
+        self._unacknowledged = alarm_gauge(
             "lumpwatch_alarm_unacknowledged", "1 while an alarm waits for acknowledgement."
         )
+        self._shelved = alarm_gauge("lumpwatch_alarm_shelved", "1 while an operator has it shelved.")
+        self._suppressed = alarm_gauge(
+            "lumpwatch_alarm_suppressed", "1 while a plant signal suppresses the alarm."
+        )
+        self._out = alarm_gauge("lumpwatch_alarm_out_of_service", "1 while the alarm is out of service.")
         self._blind = gauge("lumpwatch_roi_blind", "1 while the ROI cannot judge.")
         self._transitions = Counter(
             "lumpwatch_alarm_transitions",
-            "Changes of the alarm; reason is raised, cleared or acknowledged.",
+            "Changes of the alarm; reason is the change, such as raised, cleared or acknowledged.",
+            (*of_alarm, "reason"),
+            registry=registry,
+        )
+        self._refused = Counter(
+            "lumpwatch_requests_refused",
+            "Queries and puts that asked for what is not allowed; reason is the key's last part.",
             (*labels, "reason"),
+            registry=registry,
+        )
+        self._written = Counter(
+            "lumpwatch_events_written", "Events that are in the event log.", ("camera",), registry=registry
+        )
+        self._event_problems = Counter(
+            "lumpwatch_event_log_problems",
+            "Trouble with the event log; reason is corrupt, unwritable, late (slow disk) or lost.",
+            ("camera", "reason"),
+            registry=registry,
+        )
+        self._events_waiting = Gauge(
+            "lumpwatch_events_waiting",
+            "Events that are not on the disk yet.",
+            ("camera",),
             registry=registry,
         )
         self._effective = gauge("lumpwatch_effective_particles", "Effective number of particles.")
@@ -175,8 +208,15 @@ class MonitorMetrics(_FrameMetrics):
             self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
             self._blind.labels(camera, roi).set(1)
-            for change in ("raised", "cleared", "acknowledged"):
-                self._transitions.labels(camera, roi, change)
+            for request in ("ack", "shelve", "unshelve", "service", "suppress"):
+                self._refused.labels(camera, roi, request)
+            for alarm_class in AlarmClass:
+                for change in Change:
+                    self._transitions.labels(camera, roi, alarm_class.value, change.value)
+        self._written.labels(camera)
+        self._events_waiting.labels(camera)
+        for reason in ("corrupt", "unwritable", "late", "lost"):
+            self._event_problems.labels(camera, reason)
 
     def decided(self, roi: str, latency_s: float, detection: Detection) -> None:
         """A ROI has decided on a frame."""
@@ -207,17 +247,37 @@ class MonitorMetrics(_FrameMetrics):
         self._wrong_way.labels(self._camera, roi).inc(len(flagged - self._flagged.get(roi, frozenset())))
         self._flagged[roi] = flagged
 
-    def state(self, roi: str, decision: Decision, existence: float, alarm: AlarmState) -> None:
-        """The present state of a ROI."""
+    def state(self, roi: str, decision: Decision, existence: float, alarms: dict[AlarmClass, Alarm]) -> None:
+        """The present state of a ROI and its alarms."""
         self._existence.labels(self._camera, roi).set(existence)
-        self._active.labels(self._camera, roi).set(alarm.active)
-        waiting = alarm in (AlarmState.UNACKNOWLEDGED, AlarmState.RETURNED)
-        self._unacknowledged.labels(self._camera, roi).set(waiting)
         self._blind.labels(self._camera, roi).set(decision is Decision.BLIND)
+        for alarm_class, alarm in alarms.items():
+            labels = (self._camera, roi, alarm_class.value)
+            self._active.labels(*labels).set(alarm.active)
+            self._unacknowledged.labels(*labels).set(alarm.waits)
+            self._shelved.labels(*labels).set(alarm.shelved is not None)
+            self._suppressed.labels(*labels).set(bool(alarm.suppressed))
+            self._out.labels(*labels).set(alarm.out_of_service is not None)
 
-    def transition(self, roi: str, transition: Transition) -> None:
-        """The alarm changed."""
-        self._transitions.labels(self._camera, roi, transition.change.value).inc()
+    def transition(self, roi: str, alarm_class: AlarmClass, transition: Transition) -> None:
+        """An alarm changed."""
+        self._transitions.labels(self._camera, roi, alarm_class.value, transition.change.value).inc()
+
+    def refused(self, roi: str, request: str) -> None:
+        """An operator or the plant asked for what is not allowed."""
+        self._refused.labels(self._camera, roi, request).inc()
+
+    def events_written(self, count: int) -> None:
+        """Events are in the event log."""
+        self._written.labels(self._camera).inc(count)
+
+    def events_waiting(self, count: int) -> None:
+        """Events are not on the disk yet."""
+        self._events_waiting.labels(self._camera).set(count)
+
+    def event_problem(self, reason: str, count: int = 1) -> None:
+        """The event log is in trouble."""
+        self._event_problems.labels(self._camera, reason).inc(count)
 
     def prior(self, roi: str, version: int, age_s: float) -> None:
         """The prior in use."""

@@ -145,9 +145,11 @@ class AlarmFollower:
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
         )
 
-    def records(self) -> list[dict[str, Any]]:
+    def records(self, alarm_class: str | None = "lump") -> list[dict[str, Any]]:
+        """Those of one class; None: all."""
         lines = self._log.read_text().splitlines()
-        return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
+        found = [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
+        return [one for one in found if alarm_class in (None, one["data"]["class"])]
 
     def __enter__(self) -> Self:
         return self

@@ -1,0 +1,102 @@
+"""`lumpwatch events`: read the event log, also while the daemon writes it."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import heapq
+import json
+import sys
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.common import Commands, add_command, camera_of
+from service.cli.operate import seconds
+from service.config import load
+from service.errors import ConfigError
+from service.store.events import Event, EventLogError, event_file, read_events
+
+_COLUMNS = (
+    "time", "monotonic_s", "camera", "roi", "class", "change", "before", "after", "actor", "reason",
+    "existence", "frame", "id", "sequence",
+)  # fmt: skip
+_WIDE = 240
+"""Columns of a table that goes to a file or a pipe: nothing is folded."""
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "events",
+        events,
+        "Print the event log: every change of every alarm and what operators did, oldest first.",
+        "lumpwatch events site.yaml --since 12h --format csv > shift.csv",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "--since",
+        metavar="TIME",
+        help="only later ones: 2024-05-17T06:00 (local time unless it says otherwise), or 12h ago as 12h",
+    )
+    parser.add_argument("--camera", metavar="ID", help="of this camera only")
+    parser.add_argument(
+        "--format", choices=("table", "jsonl", "csv"), default="table", help="how to print (default: table)"
+    )
+
+
+def events(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    since_s = None if arguments.since is None else moment(arguments.since, time.time())
+    chosen = [camera_of(config, arguments.camera)] if arguments.camera else config.cameras
+    files = [event_file(config.store.path, camera.id) for camera in chosen]
+    there = [file for file in files if file.is_file()]
+    if not there:
+        raise EventLogError(f"{files[0].parent}: holds no event log (nothing has happened yet?)")
+    found = heapq.merge(*(read_events(file, since_s) for file in there), key=lambda event: event.time_s)
+    {"table": _table, "jsonl": _jsonl, "csv": _csv}[arguments.format](found)
+    return 0
+
+
+def moment(text: str, now_s: float) -> float:
+    """Seconds since the epoch of an ISO 8601 time, or of a span before `now_s`; raises ConfigError."""
+    try:
+        return datetime.fromisoformat(text).astimezone(UTC).timestamp()
+    except ValueError:
+        pass
+    try:
+        return now_s - seconds(text)
+    except ConfigError:
+        raise ConfigError(
+            f"--since '{text}': is neither a time (2024-05-17T06:00) nor a span (12h)"
+        ) from None
+
+
+def _table(found: Iterator[Event]) -> None:
+    table = Table("time (UTC)", "alarm", "no.", "change", "state", "by", "why", box=None, padding=(0, 1))
+    for one in found:
+        where = f"{one.camera}/{one.roi} {one.alarm_class.value}"
+        when = f"{one.time:%Y-%m-%d %H:%M:%S}"
+        table.add_row(
+            when, where, str(one.sequence), one.change, one.after, one.actor or "", one.reason or ""
+        )
+    width = None if sys.stdout.isatty() else _WIDE
+    Console(highlight=False, width=width).print(table)
+
+
+def _jsonl(found: Iterator[Event]) -> None:
+    for one in found:
+        sys.stdout.write(json.dumps(one.public()) + "\n")
+
+
+def _csv(found: Iterator[Event]) -> None:
+    writer = csv.DictWriter(sys.stdout, _COLUMNS)
+    writer.writeheader()
+    for one in found:
+        writer.writerow(one.public())

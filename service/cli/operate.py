@@ -1,0 +1,129 @@
+"""`lumpwatch ack`, `shelve`, `unshelve` and `service`: what an operator does to the alarms of a running daemon."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from pathlib import Path
+
+from service.alarms import AlarmClass
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client, ask_one
+from service.cli.common import Commands, add_command, camera_of, roi_of
+from service.config import load
+from service.errors import ConfigError
+
+_WHERE = "--camera crusher-1 --roi apron --actor anna"
+_PART = re.compile(r"(\d+(?:\.\d+)?)([smhd]?)")
+_UNITS_S = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86_400.0}
+
+
+def add(commands: Commands) -> None:
+    """Add the commands."""
+    _with_target(
+        add_command(
+            commands,
+            "ack",
+            ack,
+            "Acknowledge an alarm of a running daemon.",
+            f"lumpwatch ack site.yaml {_WHERE}",
+        )
+    )
+    shelving = _with_target(
+        add_command(
+            commands,
+            "shelve",
+            shelve,
+            "Keep an alarm from being announced for a limited time; the condition is judged and recorded on.",
+            f'lumpwatch shelve site.yaml {_WHERE} --for 30m --reason "dust from the repair"',
+        )
+    )
+    shelving.add_argument(
+        "--for", required=True, dest="span", metavar="TIME", help="how long: 90s, 30m, 1h30m"
+    )
+    shelving.add_argument("--reason", required=True, metavar="TEXT", help="why")
+    _with_target(
+        add_command(
+            commands,
+            "unshelve",
+            unshelve,
+            "End the shelving of an alarm.",
+            f"lumpwatch unshelve site.yaml {_WHERE}",
+        )
+    )
+    serving = add_command(
+        commands,
+        "service",
+        service,
+        "Take an alarm out of service, or put it back in; it stays out until then.",
+        f'lumpwatch service site.yaml out {_WHERE} --reason "camera is being moved"',
+    )
+    _with_target(serving)
+    serving.add_argument("state", choices=("out", "in"), help="out of service, or in service again")
+    serving.add_argument("--reason", default="", metavar="TEXT", help="why (needed for out)")
+
+
+def _with_target(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
+    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
+    parser.add_argument("--actor", required=True, metavar="NAME", help="who does it; it is recorded")
+    parser.add_argument(
+        "--class",
+        dest="alarm_class",
+        choices=tuple(one.value for one in AlarmClass),
+        default=AlarmClass.LUMP.value,
+        help="lump (default), or blind: the ROI cannot judge",
+    )
+    return parser
+
+
+def ack(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    return _ask(arguments, "ack", {})
+
+
+def shelve(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    span_s = seconds(arguments.span)
+    return _ask(arguments, "shelve", {"reason": arguments.reason, "for_s": f"{span_s:g}"})
+
+
+def unshelve(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    return _ask(arguments, "unshelve", {})
+
+
+def service(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.state == "in":
+        return _ask(arguments, "service", {"state": "in"})
+    if not arguments.reason:
+        raise ConfigError("service out needs --reason TEXT")
+    return _ask(arguments, "service", {"state": "out", "reason": arguments.reason})
+
+
+def seconds(text: str) -> float:
+    """A span such as 90s, 30m or 1h30m; raises ConfigError."""
+    parts = _PART.findall(text)
+    span_s = sum(float(number) * _UNITS_S[unit] for number, unit in parts)
+    if "".join(number + unit for number, unit in parts) != text or not span_s > 0:
+        raise ConfigError(f"'{text}' is not a time such as 90s, 30m or 1h30m")
+    return span_s
+
+
+def _ask(arguments: argparse.Namespace, what: str, parameters: dict[str, str]) -> int:
+    config = load(arguments.config)
+    camera = camera_of(config, arguments.camera)
+    roi = roi_of(camera, arguments.roi)
+    keys = Keys(config.site)
+    key = {"ack": keys.ack, "shelve": keys.shelve, "unshelve": keys.unshelve, "service": keys.service}[what]
+    asked = parameters | {"actor": arguments.actor, "class": arguments.alarm_class}
+    with open_client(as_client(config.bus), wait=False) as bus:
+        answer = ask_one(bus, key(camera.id, roi.id), asked, f"{camera.id}/{roi.id}")
+    told = json.loads(answer)
+    changes = ", ".join(told["changes"]) or "nothing to do"
+    print(f"{camera.id}/{roi.id} {told['class']}: {changes}, now {told['alarm']}")  # noqa: T201
+    return 0

@@ -1,0 +1,286 @@
+"""The event log of one camera: every transition and every operator action, append-only, in SQLite.
+
+    <store>/events/<camera>.sqlite
+
+WAL with synchronous FULL: what `append` returned from is there after a power cut. Each row holds the
+alarm as it was after the event, so the last row of a ROI and class is the state to start with. Records
+lie in an outbox until they were published, so that none is lost between the disk and the bus. Triggers
+refuse to change or delete an event.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from service.alarms import Alarm, AlarmClass, Hold
+from service.errors import LumpwatchError
+
+VERSION = 1
+_CORRUPT = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+_BUSY_S = 1.0
+
+_SCHEMA = f"""
+BEGIN;
+CREATE TABLE events (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,
+    time_s REAL NOT NULL, monotonic_s REAL NOT NULL, clock TEXT NOT NULL,
+    camera TEXT NOT NULL, roi TEXT NOT NULL, class TEXT NOT NULL,
+    change TEXT NOT NULL, before TEXT NOT NULL, after TEXT NOT NULL,
+    actor TEXT, reason TEXT, existence REAL NOT NULL, frame INTEGER NOT NULL,
+    id TEXT NOT NULL, sequence INTEGER NOT NULL, alarm TEXT NOT NULL,
+    UNIQUE (roi, id)
+) STRICT;
+CREATE INDEX events_of_alarm ON events (roi, class, number);
+CREATE INDEX events_by_time ON events (time_s);
+CREATE TRIGGER no_update BEFORE UPDATE ON events BEGIN SELECT RAISE(ABORT, 'append-only'); END;
+CREATE TRIGGER no_delete BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'append-only'); END;
+CREATE TABLE outbox (roi TEXT NOT NULL, id TEXT NOT NULL, record BLOB NOT NULL, UNIQUE (roi, id)) STRICT;
+PRAGMA user_version = {VERSION};
+COMMIT;
+"""
+_COLUMNS = (
+    "time_s", "monotonic_s", "clock", "camera", "roi", "class", "change", "before", "after",
+    "actor", "reason", "existence", "frame", "id", "sequence", "alarm",
+)  # fmt: skip
+# A commit whose success could not be told is tried again: the same event is still one row.
+_INSERT = (
+    f"INSERT INTO events ({', '.join(_COLUMNS)}) VALUES ({', '.join('?' * len(_COLUMNS))}) "
+    "ON CONFLICT (roi, id) DO NOTHING"
+)
+_SELECT = f"SELECT {', '.join(_COLUMNS)} FROM events"
+
+
+class EventLogError(LumpwatchError):
+    """The event log cannot be read; the text names the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One row."""
+
+    time_s: float
+    """Wall clock, seconds since the epoch."""
+    monotonic_s: float
+    """The same moment on the monotonic clock."""
+    clock: str
+    """Which monotonic clock: it lasts until the host is booted again."""
+    camera: str
+    roi: str
+    alarm_class: AlarmClass
+    change: str
+    before: str
+    after: str
+    actor: str | None
+    reason: str | None
+    existence: float
+    frame: int
+    id: str
+    """Id of the alarm record on the bus."""
+    sequence: int
+    """Rises by one from record to record of a ROI."""
+    alarm: Alarm
+    """The alarm after the event, its times on the monotonic clock."""
+
+    @property
+    def time(self) -> datetime:
+        """Wall clock (UTC)."""
+        return datetime.fromtimestamp(self.time_s, UTC)
+
+    def public(self) -> dict[str, object]:
+        """What is exported, by column."""
+        return {
+            "time": self.time.isoformat(),
+            "monotonic_s": self.monotonic_s,
+            "camera": self.camera,
+            "roi": self.roi,
+            "class": self.alarm_class.value,
+            "change": self.change,
+            "before": self.before,
+            "after": self.after,
+            "actor": self.actor,
+            "reason": self.reason,
+            "existence": self.existence,
+            "frame": self.frame,
+            "id": self.id,
+            "sequence": self.sequence,
+        }
+
+    def alarm_now(self, monotonic_s: float, wall_s: float, clock: str) -> Alarm:
+        """The alarm with its times on the monotonic clock of now.
+
+        After a reboot the wall clock says how long ago the event was; a hold never gets longer than
+        what was left of it then.
+        """
+        if clock == self.clock:
+            return self.alarm
+        ago = max(0.0, wall_s - self.time_s)
+
+        def carried(hold: Hold) -> Hold:
+            if hold.until_s is None:
+                return hold
+            left = hold.until_s - self.monotonic_s - ago
+            return replace(hold, until_s=monotonic_s + max(0.0, left))
+
+        alarm = self.alarm
+        return replace(
+            alarm,
+            announced_s=None if alarm.announced_s is None else monotonic_s,
+            shelved=None if alarm.shelved is None else carried(alarm.shelved),
+            suppressed=tuple(carried(hold) for hold in alarm.suppressed),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An event with its record for the bus."""
+
+    event: Event
+    record: bytes
+
+
+def event_file(store: Path, camera: str) -> Path:
+    """Where the event log of a camera lies."""
+    return store / "events" / f"{camera}.sqlite"
+
+
+def is_corrupt(error: Exception) -> bool:
+    """Whether the file itself is damaged, or is none of ours, and not only out of reach for now."""
+    code = getattr(error, "sqlite_errorcode", None)
+    return isinstance(error, _Foreign) or (code is not None and code & 0xFF in _CORRUPT)
+
+
+class _Foreign(sqlite3.DatabaseError):
+    """A database that is not an event log of this version."""
+
+
+class EventLog:
+    """An open event log; all methods raise sqlite3.Error, `__init__` also OSError."""
+
+    def __init__(self, path: Path, *, check: bool = True) -> None:
+        """Open the file, made where missing; `check` reads it all for damage first."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # One thread at a time uses it: the one that opens it, then the writer.
+        self._db = sqlite3.connect(path, timeout=_BUSY_S, isolation_level=None, check_same_thread=False)
+        try:
+            self._prepare(check=check)
+        except BaseException:
+            self._db.close()
+            raise
+
+    def _prepare(self, *, check: bool) -> None:
+        version = self._db.execute("PRAGMA user_version").fetchone()[0]
+        new = version == 0 and self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+        if version != VERSION and not new:
+            raise _Foreign(f"is of version {version}, expected {VERSION}")
+        self._db.execute("PRAGMA journal_mode = WAL")
+        self._db.execute("PRAGMA synchronous = FULL")
+        if check and (problem := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+            raise _Foreign(problem)
+        if new:
+            self._db.executescript(_SCHEMA)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def append(self, entries: Iterable[Entry]) -> None:
+        """Write events and their records, all or none; they are on the disk when this returns."""
+        with self._transaction():
+            for entry in entries:
+                self._db.execute(_INSERT, _row(entry.event))
+                self._db.execute(
+                    "INSERT INTO outbox VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
+                    (entry.event.roi, entry.event.id, entry.record),
+                )
+
+    def copy(self, events: Iterable[Event]) -> None:
+        """Write events whose records were published long ago: those that a damaged file held."""
+        with self._transaction():
+            self._db.executemany(_INSERT, map(_row, events))
+
+    def published(self, sent: Iterable[tuple[str, str]]) -> None:
+        """The records of these (ROI, id) are on the bus."""
+        with self._transaction():
+            self._db.executemany("DELETE FROM outbox WHERE roi = ? AND id = ?", sent)
+
+    def unpublished(self) -> list[tuple[str, str, bytes]]:
+        """ROI, id and record of those that may not be on the bus, oldest first."""
+        return self._db.execute("SELECT roi, id, record FROM outbox ORDER BY rowid").fetchall()
+
+    def latest(self) -> list[Event]:
+        """The last event of each ROI and class."""
+        numbers = "SELECT max(number) FROM events GROUP BY roi, class"
+        rows = self._db.execute(f"{_SELECT} WHERE number IN ({numbers}) ORDER BY number")
+        return [_event(row) for row in rows]
+
+    @contextlib.contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._db.execute("COMMIT")
+        except BaseException:
+            with contextlib.suppress(sqlite3.Error):  # some errors have ended it already
+                self._db.execute("ROLLBACK")
+            raise
+
+
+def read_events(path: Path, since_s: float | None = None) -> Iterator[Event]:
+    """All events since a wall-clock time, oldest first, also while a daemon writes them.
+
+    Opens the file read-only. Raises EventLogError.
+    """
+    if not path.is_file():
+        raise EventLogError(f"{path}: there is no event log (nothing has happened yet, or another store)")
+    # Without a journal nobody writes, and a folder that cannot be written could not take one either.
+    mode = "mode=ro" if path.with_name(path.name + "-wal").exists() else "mode=ro&immutable=1"
+    try:
+        db = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True, timeout=_BUSY_S)
+        with contextlib.closing(db):
+            since = "" if since_s is None else "WHERE time_s >= ?"
+            arguments = () if since_s is None else (since_s,)
+            for row in db.execute(f"{_SELECT} {since} ORDER BY number", arguments):
+                yield _event(row)
+    except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
+        raise EventLogError(f"{path}: cannot be read ({error})") from error
+
+
+def _row(event: Event) -> tuple[object, ...]:
+    """In the order of `_COLUMNS`, which is that of the fields."""
+    return (
+        event.time_s, event.monotonic_s, event.clock, event.camera, event.roi, event.alarm_class.value,
+        event.change, event.before, event.after, event.actor, event.reason, event.existence, event.frame,
+        event.id, event.sequence, alarm_text(event.alarm),
+    )  # fmt: skip
+
+
+def _event(row: tuple[Any, ...]) -> Event:
+    values = list(row)
+    values[5], values[-1] = AlarmClass(values[5]), alarm_of(values[-1])
+    return Event(*values)
+
+
+def alarm_text(alarm: Alarm) -> str:
+    """An alarm as JSON; what is empty is left out, and so is the delay that was running."""
+    empty = asdict(Alarm())
+    kept = {name: value for name, value in asdict(alarm).items() if value != empty[name]}
+    kept.pop("since_s", None)
+    return json.dumps(kept, separators=(",", ":"))
+
+
+def alarm_of(text: str) -> Alarm:
+    """The reverse of `alarm_text`; raises ValueError or TypeError for anything else."""
+    fields = json.loads(text)
+    for kind in ("shelved", "out_of_service"):
+        if kind in fields:
+            fields[kind] = Hold(**fields[kind])
+    if "suppressed" in fields:
+        fields["suppressed"] = tuple(Hold(**hold) for hold in fields["suppressed"])
+    return Alarm(**fields)

@@ -1,0 +1,267 @@
+"""Alarms of a real daemon whose camera is this test: restarts, operators, the plant, the event log."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+
+from service.alarms import Alarm
+from service.bus.bus import Bus
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client
+from service.config import load
+from service.store.events import Entry, EventLog, event_file
+from service.store.priors import PriorStore
+from tests.integration.site import AlarmFollower, Daemon, wait_for
+from tests.service_helpers import HEIGHT, WIDTH, frame, picture, prior, site_tree
+from tests.test_event_log import event
+from tests.test_messages import EVENT
+
+pytestmark = pytest.mark.slow
+
+KEYS = Keys("test")
+TARGET = ("--camera", "cam", "--roi", "apron", "--actor", "Ada")
+
+
+class Feed:
+    """The camera: 20 frames a second, with the object while `bright`, the same again while `frozen`."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bright = False
+        self.frozen = False
+        self._publisher = bus.frame_publisher(KEYS.frame("cam"))
+        self._pictures = {bright: picture(bright=bright) for bright in (False, True)}
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        seq, now = 0, 0.0
+        while not self._stop.wait(0.05):
+            if not self.frozen:
+                seq, now = seq + 1, time.monotonic()
+            one = frame(seq, time_s=now, data=self._pictures[self.bright], size=(WIDTH, HEIGHT))
+            self._publisher.publish(one, "raw", None)
+
+
+class Site:
+    """A daemon with its camera and what can be seen of it from outside."""
+
+    def __init__(self, daemon: Daemon, bus: Bus, feed: Feed, follower: AlarmFollower) -> None:
+        self.daemon = daemon
+        self.bus = bus
+        self.feed = feed
+        self.follower = follower
+
+    def state(self) -> dict[str, Any]:
+        return self._one(KEYS.state("cam", "apron"))
+
+    def level(self) -> dict[str, Any]:
+        return self._one(KEYS.level("cam", "apron"))
+
+    def _one(self, key: str) -> dict[str, Any]:
+        replies = [reply.payload for reply in self.bus.ask(key) if reply.payload is not None]
+        return json.loads(replies[-1]) if replies else {}
+
+    def wait_alarm(self, state: str, of: str = "alarm") -> dict[str, Any]:
+        def there() -> dict[str, Any] | None:
+            found = self.state()
+            return found if found.get(of) == state else None
+
+        found: dict[str, Any] = wait_for(f"{of} {state}", there, 30)
+        return found
+
+    def changes(self, count: int) -> list[tuple[int, str, str]]:
+        """Sequence, change and state after it of the first records, once there are so many."""
+        records = wait_for(
+            f"{count} records", lambda: (r := self.follower.records(None))[count - 1 :] and r, 30
+        )
+        return [(one["data"]["sequence"], one["data"]["change"], one["data"]["state"]) for one in records]
+
+    def kill_monitor(self) -> None:
+        (pid,) = self.daemon.children()["monitor"]
+        restarts = self.daemon.metric("lumpwatch_process_restarts_total")
+        os.kill(pid, signal.SIGKILL)
+        wait_for(
+            "restart", lambda: self.daemon.metric("lumpwatch_process_restarts_total") == restarts + 1, 20
+        )
+        wait_for("decides again", lambda: self.state().get("state") in ("CLEAR", "LUMP"), 60)
+        wait_for("is watched again", lambda: self.daemon.ready, 20)
+
+    def command(self, *arguments: str, code: int = 0) -> str:
+        done = self.daemon.command(arguments[0], str(self.daemon.config), *arguments[1:])
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+        return done.stdout if code == 0 else done.stderr
+
+    def events(self) -> list[dict[str, Any]]:
+        text = self.command("events", "--format", "jsonl")
+        return [json.loads(line) for line in text.splitlines()]
+
+
+@contextmanager
+def running(folder: Path, **alarm: Any) -> Iterator[Site]:
+    camera = site_tree()["cameras"][0]
+    camera["rois"][0]["alarm"] |= alarm
+    daemon = Daemon(folder, f"  - {json.dumps(camera)}\n")
+    daemon.roles = ("--only", "monitor")
+    config = load(daemon.config)
+    PriorStore(config.store.path).save(prior())
+    with (
+        daemon,
+        open_client(as_client(config.bus)) as bus,
+        Feed(bus) as feed,
+        AlarmFollower(daemon.config, folder / "alarms.log") as follower,
+    ):
+        wait_for("ready", lambda: daemon.ready, 60)
+        wait_for("follower", lambda: _listens(bus), 20)
+        yield Site(daemon, bus, feed, follower)
+        assert daemon.stop()[0] == 0
+    assert "Traceback" not in daemon.log.read_text()
+
+
+def _listens(bus: Bus) -> bool:
+    return bool(bus.ask(KEYS.state("cam", "apron")))
+
+
+def test_a_monitor_that_is_killed_goes_on_with_its_alarms(tmp_path: Path) -> None:
+    with running(tmp_path, off_delay_s=4.0, blind={"on_delay_s": 60.0}) as site:
+        site.feed.bright = True
+        before = site.wait_alarm("UNACKNOWLEDGED")
+        assert (before["state"], before["sequence"]) == ("LUMP", 1)
+        site.kill_monitor()
+        after = site.state()
+        assert (after["state"], after["alarm"], after["sequence"]) == ("LUMP", "UNACKNOWLEDGED", 1)
+
+        site.feed.bright = False
+        site.wait_alarm("RETURNED")
+        site.kill_monitor()
+        assert (site.state()["state"], site.state()["alarm"]) == ("CLEAR", "RETURNED")
+        assert site.command("ack", *TARGET) == "cam/apron lump: acknowledged, now NORMAL\n"
+        site.kill_monitor()
+        assert site.state()["alarm"] == "NORMAL"
+
+        # Over four lives of the monitor: one record each, in order, on the bus and in the log.
+        expected = [
+            (1, "raised", "UNACKNOWLEDGED"),
+            (2, "cleared", "RETURNED"),
+            (3, "acknowledged", "NORMAL"),
+        ]
+        assert site.changes(3) == expected
+        events = site.events()
+        assert [(one["sequence"], one["change"], one["after"]) for one in events] == expected
+        assert [one["id"] for one in events] == [one["id"] for one in site.follower.records(None)]
+        assert events[2]["actor"] == "Ada"
+        assert site.daemon.metric("lumpwatch_event_log_problems_total") == 0
+
+
+def test_a_record_that_was_written_but_not_sent_comes_after_the_restart(tmp_path: Path) -> None:
+    """A monitor that is killed between the disk and the bus loses no alarm and makes none twice."""
+    unsent = {**EVENT, "id": "id-000007", "data": {**EVENT["data"], "sequence": 7}}
+    log = EventLog(event_file(tmp_path / "var", "cam"))
+    log.append([Entry(event(6, Alarm()), b"{}"), Entry(event(7), json.dumps(unsent).encode())])
+    log.published([("apron", "id-000006")])
+    log.close()
+    with running(tmp_path, off_delay_s=60.0, blind={"on_delay_s": 60.0}) as site:
+        assert site.changes(1) == [(7, "raised", "UNACKNOWLEDGED")]
+        assert (site.state()["alarm"], site.state()["sequence"]) == ("UNACKNOWLEDGED", 7)
+        site.kill_monitor()
+        site.command("ack", *TARGET)
+        assert site.changes(2) == [(7, "raised", "UNACKNOWLEDGED"), (8, "acknowledged", "ACKNOWLEDGED")]
+        assert site.follower.records(None)[0] == unsent
+
+
+def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
+    with running(tmp_path, off_delay_s=0.3, shelve_max_s=3600.0, blind={"on_delay_s": 4.0}) as site:
+        first = site.state()["sequence"]
+        told = site.command("shelve", *TARGET, "--for", "30m", "--reason", "dust from the repair")
+        assert told == "cam/apron lump: shelved, now SHELVED\n"
+        site.feed.bright = True
+        wait_for("condition recorded", lambda: site.level()["lump"] == 1, 30)
+        assert (site.level()["alarm"], site.level()["sequence"]) == ("SHELVED", first + 2)
+        wait_for(
+            "shelved in metrics",
+            lambda: site.daemon.metric("lumpwatch_alarm_shelved", **{"class": "lump"}) == 1,
+            10,
+        )
+        written = site.state()["sequence"]
+        wait_for("counted", lambda: site.daemon.metric("lumpwatch_events_written_total") == written, 10)
+        assert "unshelved, raised, now UNACKNOWLEDGED" in site.command("unshelve", *TARGET)
+        assert "acknowledged, now ACKNOWLEDGED" in site.command("ack", *TARGET)
+        assert "nothing to do, now ACKNOWLEDGED" in site.command("ack", *TARGET)
+
+        site.command("service", "out", *TARGET, "--reason", "camera is being moved")
+        site.kill_monitor()
+        assert site.state()["alarm"] == "OUT_OF_SERVICE"
+        site.wait_alarm("OUT_OF_SERVICE")
+        wait_for("condition judged on", lambda: site.level()["lump"] == 1, 30)
+        assert "in_service, raised, now UNACKNOWLEDGED" in site.command("service", "in", *TARGET)
+
+        # The plant: by a put that is not repeated, so the suppression ends by itself.
+        with open_client(as_client(load(site.daemon.config).bus)) as plant:
+            plant.publisher(KEYS.suppress("cam", "apron")).put(b'{"signal": "feeder", "valid_s": 1.5}')
+            site.wait_alarm("SUPPRESSED")
+            site.wait_alarm("UNACKNOWLEDGED")
+            plant.publisher(KEYS.suppress("cam", "apron")).put(b"nonsense")
+            wait_for(
+                "counted",
+                lambda: site.daemon.metric("lumpwatch_requests_refused_total", reason="suppress") == 1,
+                10,
+            )
+        (reply,) = site.bus.ask(KEYS.suppress("cam", "apron"), {"signal": "feeder", "valid_s": "60"})
+        assert reply.payload is not None
+        assert json.loads(reply.payload)["changes"] == ["suppressed"]
+        (reply,) = site.bus.ask(KEYS.suppress("cam", "apron"), {"signal": "feeder", "valid_s": "0"})
+        assert reply.payload is not None
+        assert json.loads(reply.payload)["changes"] == ["unsuppressed", "raised"]
+
+        # It cannot see, for the same frame comes again and again: an alarm of its own class.
+        site.feed.frozen = True
+        site.wait_alarm("UNACKNOWLEDGED", of="blind_alarm")
+        assert site.level()["blind"] == 1
+        assert "acknowledged, now ACKNOWLEDGED" in site.command("ack", *TARGET, "--class", "blind")
+        site.feed.frozen = False
+        site.wait_alarm("NORMAL", of="blind_alarm")
+
+        # What cannot be done is said in one line.
+        for key, parameters, told in (
+            (KEYS.ack("cam", "apron"), {}, "actor: is missing"),
+            (KEYS.shelve("cam", "apron"), {"actor": "Ada", "reason": "x", "for_s": "3601"}, "at most 3600"),
+            (KEYS.service("cam", "apron"), {"actor": "Ada", "state": "off"}, "neither in nor out"),
+        ):
+            (reply,) = site.bus.ask(key, parameters)
+            assert reply.error is not None
+            assert told in reply.error
+        refused = site.command("shelve", *TARGET, "--for", "2h", "--reason", "x", code=1)
+        assert refused.startswith("lumpwatch: cam/apron: for_s: 7200")
+        assert len(refused.splitlines()) == 1
+
+        events = site.events()
+        rows = list(csv.DictReader(io.StringIO(site.command("events", "--camera", "cam", "--format", "csv"))))
+        assert [row["id"] for row in rows] == [one["id"] for one in events]
+        assert "camera is being moved" in site.command("events", "--since", "1h")
+        assert [one["sequence"] for one in events] == list(range(1, len(events) + 1))
+        blind = [(one["change"], one["reason"]) for one in events if one["class"] == "blind"]
+        assert blind[-3:] == [("raised", "no_stream"), ("acknowledged", None), ("cleared", None)]
+        records = site.follower.records(None)
+        assert {one["id"] for one in records} == {one["id"] for one in events}
+        assert len(records) == len(events)

@@ -1,0 +1,151 @@
+"""What goes out for a result, in which order, and how often."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from prometheus_client import CollectorRegistry
+
+from service.alarms import AlarmClass
+from service.announcer import LEVEL_EVERY_S, Announcer
+from service.report import Clocks
+from service.store.events import Entry
+from service.telemetry.metrics import MonitorMetrics
+from tests.service_helpers import camera
+from tests.test_messages import RESULT, STARTING
+
+STILL = replace(RESULT, changes=())
+
+
+class World:
+    """The bus and the event log: remembers what came where, in order."""
+
+    def __init__(self, *, sequences: dict[str, int] | None = None) -> None:
+        self.seen: list[tuple[str, Any]] = []
+        self.unpublished: list[tuple[str, str, bytes]] = []
+        self._sequences = sequences or {}
+
+    def sequences(self) -> dict[str, int]:
+        return self._sequences
+
+    def write(self, entries: Sequence[Entry]) -> bool:
+        self.seen.append(("log", [entry.event for entry in entries]))
+        return True
+
+    def published(self, sent: Sequence[tuple[str, str]]) -> None:
+        self.seen.append(("sent", list(sent)))
+
+    def publisher(self, key: str) -> Channel:
+        return Channel(self, key.rpartition("/")[2])
+
+    alarm_publisher = publisher
+
+    def of(self, where: str) -> list[Any]:
+        return [what for place, what in self.seen if place == where]
+
+
+class Channel:
+    """One key of the bus."""
+
+    def __init__(self, world: World, name: str) -> None:
+        self._world = world
+        self._name = name
+
+    def put(self, payload: bytes) -> None:
+        self._world.seen.append((self._name, json.loads(payload)))
+
+
+class Now:
+    """Clocks that a test sets."""
+
+    def __init__(self) -> None:
+        self.monotonic_s = 100.125
+
+    def __call__(self) -> Clocks:
+        return Clocks(self.monotonic_s, 1.7e9 + self.monotonic_s)
+
+
+def announcer(world: World, now: Now | None = None) -> Announcer:
+    metrics = MonitorMetrics(CollectorRegistry(), "cam", ("apron",))
+    bus: Any = world
+    events: Any = world
+    return Announcer("pit", camera(), bus, events, metrics, "boot", now or Now())
+
+
+def test_an_alarm_is_in_the_log_before_it_is_on_the_bus() -> None:
+    world = World(sequences={"apron": 7})
+    target = announcer(world)
+    target.announce((RESULT,))
+    assert [place for place, _ in world.seen] == ["log", "alarm", "sent", "state", "level"]
+    (event,), record = world.of("log")[0], world.of("alarm")[0]
+    assert (event.sequence, record["data"]["sequence"], target.sequence("apron")) == (8, 8, 8)
+    assert (event.id, event.change, event.before, event.after) == (
+        record["id"],
+        "raised",
+        "NORMAL",
+        "UNACKNOWLEDGED",
+    )
+    assert (event.camera, event.roi, event.alarm_class, event.frame, event.existence) == (
+        "cam",
+        "apron",
+        AlarmClass.LUMP,
+        42,
+        0.987654,
+    )
+    assert (event.monotonic_s, event.clock, event.alarm) == (100.125, "boot", RESULT.alarm)
+    assert world.of("sent") == [[("apron", record["id"])]]
+    assert world.of("state")[0]["sequence"] == 8
+    assert world.of("level")[0]["sequence"] == 8
+
+
+def test_without_a_change_nothing_is_written() -> None:
+    world = World()
+    announcer(world).announce((STILL,))
+    assert [place for place, _ in world.seen] == ["state", "level"]
+
+
+def test_sequences_count_each_roi_by_itself() -> None:
+    world = World(sequences={"gone": 3})
+    target = announcer(world)
+    target.announce((replace(RESULT, changes=(*RESULT.changes, *RESULT.changes)),))
+    target.announce((RESULT,))
+    assert [one["data"]["sequence"] for one in world.of("alarm")] == [1, 2, 3]
+    assert [len(batch) for batch in world.of("log")] == [2, 1]
+
+
+def test_what_the_last_process_may_not_have_sent_is_sent_as_it_was() -> None:
+    world = World()
+    record = json.dumps({"id": "a", "data": {"sequence": 4}}).encode()
+    world.unpublished = [("gone", "z", b"{}"), ("apron", "a", record)]
+    announcer(world).send_again()
+    assert world.seen == [
+        ("alarm", json.loads(record)),
+        ("sent", [("gone", "z"), ("apron", "a")]),
+    ]
+
+
+def test_a_level_is_sent_when_it_changes_and_now_and_then() -> None:
+    world, now = World(), Now()
+    target = announcer(world, now)
+    began = now.monotonic_s
+    for k in range(100):  # 25 frames a second
+        now.monotonic_s = began + k * 0.04
+        target.announce((STILL,))
+    levels = world.of("level")
+    assert len(world.of("state")) == 100
+    assert 3.96 / LEVEL_EVERY_S <= len(levels) <= 3.96 / LEVEL_EVERY_S + 1
+    now.monotonic_s += 0.04
+    target.announce((STARTING,))
+    assert len(world.of("level")) == len(levels) + 1
+    assert world.of("level")[-1]["blind"] == 1
+
+
+@pytest.mark.parametrize("field", ["lump", "blind", "alarm", "blind_alarm", "sequence", "valid_s"])
+def test_a_level_has_all_that_a_gateway_needs(field: str) -> None:
+    world = World()
+    announcer(world).announce((RESULT,))
+    assert field in world.of("level")[0]
