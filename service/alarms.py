@@ -288,6 +288,7 @@ def _release(
     # Told as two changes, so that whoever follows the alarm sees an ordinary `raised`.
     quiet = replace(freed, active=False)
     raised, announced = _raised(freed, time_s, quiet)
+    raised = replace(raised, since_s=freed.since_s)  # an off-delay that runs goes on
     return raised, (_told(change, alarm, quiet, time_s, actor, reason), announced)
 
 
