@@ -12,7 +12,6 @@ from models.motion_prior import MotionPrior
 from models.roi import make_roi
 from models.state import VX, blank
 from service.cli.demo import CAMERA, ROI, demo_config
-from service.cli.replay import read_frames
 from service.config import CameraConfig, JdtConfig, RoiConfig, parse
 from service.detectors.filters import PriorMismatchError, make_filter
 from service.errors import ConfigError
@@ -20,6 +19,7 @@ from service.feed.spec import FeedSpec
 from service.feed.write import WrittenFeed, write_video
 from service.labels import read_labels
 from service.readiness import check_priors
+from service.recordings import read_frames
 from service.store.prior import Prior, PriorMeta, decode, encode
 from service.training import Trained, train
 from tests.own_model import Sliding

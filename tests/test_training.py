@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from models.state import VX, VY
-from service.cli.replay import read_frames
 from service.config import CameraConfig
 from service.errors import LumpwatchError
 from service.feed.spec import FeedSpec
 from service.feed.write import write_video
 from service.frames import Frame
 from service.labels import Box, LabelError, read_labels
+from service.recordings import read_frames
 from service.training import Trained, TrainingError, train
 from tests.service_helpers import frame, site, site_tree
 

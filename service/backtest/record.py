@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +19,7 @@ from service.config import CameraConfig, RoiConfig
 from service.errors import LumpwatchError
 from service.frames import Frame
 from service.pipeline import CameraPipeline
-from service.sources.base import Source
-from service.sources.make import make_source
+from service.recordings import read_frames
 from service.store.prior import Prior
 
 Array = NDArray[np.float64]
@@ -85,31 +85,12 @@ class Failure:
     reason: str
 
 
-def open_video(camera: CameraConfig, video: Path) -> Source:
-    """The camera's source, opened on a file that is read as fast as it goes. Raises SourceError."""
-    config = camera.source.model_copy(
-        update={"url": type(camera.source.url)(str(video)), "pace": False, "loop": False}
-    )
-    source = make_source(
-        config,
-        camera.id,
-        "i420" if camera.needs_colour else "gray8",
-        count=lambda _: None,
-        monotonic=lambda: 0.0,  # times are those of the file alone
-        wall=lambda: 0.0,
-    )
-    source.open()
-    return source
-
-
 def record(task: Task) -> Recording | Failure:
     """Do one task."""
     try:
-        source = open_video(task.setup.camera, task.video)
-        try:
-            return record_frames(task.setup, _frames(source), task.video)
-        finally:
-            source.close()
+        frames, _ = read_frames(task.setup.camera, task.video)
+        with closing(frames):
+            return record_frames(task.setup, frames, task.video)
     except LumpwatchError as error:
         return Failure(str(error))
 
@@ -167,8 +148,3 @@ def record_all(
     finally:
         for future in futures:
             future.cancel()
-
-
-def _frames(source: Source) -> Iterator[Frame]:
-    while (frame := source.read()) is not None:
-        yield frame

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from service.backtest.archive import archive, short_names
 from service.backtest.curve import Point, Terms
-from service.backtest.record import Setup, open_video
+from service.backtest.record import Setup
 from service.backtest.report import write
 from service.backtest.run import Backtest, Result
 from service.backtest.run import backtest as run_backtest
@@ -24,6 +24,7 @@ from service.cli.common import Commands, add_command, camera_of, progress, roi_o
 from service.config import SiteConfig, load
 from service.errors import ConfigError, LumpwatchError
 from service.readiness import check_priors
+from service.recordings import open_recording
 from service.store.priors import PriorStore
 
 # As many workers as cores: one thread each, or they fight.
@@ -103,7 +104,7 @@ def backtest(arguments: argparse.Namespace) -> int:
     ]
     clips = archive(arguments.videos, arguments.labels, arguments.unlabelled_is_empty)
     for clip in clips:  # said at once, not after an hour
-        open_video(setups[0].camera, clip.video).close()
+        open_recording(setups[0].camera, clip.video).close()
     if arguments.out is not None:
         _make_folder(arguments.out)
     tasks = len(setups) * len(clips)

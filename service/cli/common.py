@@ -8,13 +8,12 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from service.config import CameraConfig, RoiConfig, SiteConfig, SourceConfig
+from service.config import CameraConfig, RoiConfig, SiteConfig
 from service.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -56,13 +55,6 @@ def roi_of(camera: CameraConfig, roi_id: str) -> RoiConfig:
     except KeyError:
         known = ", ".join(roi.id for roi in camera.rois)
         raise ConfigError(f"--roi {roi_id}: camera {camera.id} does not have it (has {known})") from None
-
-
-def file_source(camera: CameraConfig, video: Path) -> SourceConfig:
-    """The camera's source replaced by a file that is read as fast as it goes."""
-    return camera.source.model_copy(
-        update={"url": type(camera.source.url)(str(video)), "pace": False, "loop": False}
-    )
 
 
 @contextmanager

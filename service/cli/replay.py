@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.common import Commands, add_command, camera_of, file_source, progress
+from service.cli.common import Commands, add_command, camera_of, progress
 from service.config import CameraConfig, SiteConfig, load
 from service.frames import Frame
 from service.pipeline import CameraPipeline, RoiResult
 from service.readiness import check_priors
+from service.recordings import read_frames
 from service.replay import ReplayError, Summary, Watcher
 from service.replay import replay as run_replay
-from service.sources.make import make_source
 from service.store.priors import PriorStore
 
 
@@ -39,31 +38,6 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--overlay", action="store_true", help="write a video with ROI, particles, estimate and existence"
     )
-
-
-def read_frames(camera: CameraConfig, video: Path) -> tuple[Iterator[Frame], int | None]:
-    """All frames of a file with times from its start, and their number where it is known.
-
-    Raises SourceError.
-    """
-    source = make_source(
-        file_source(camera, video),
-        camera.id,
-        "i420" if camera.needs_colour else "gray8",
-        count=lambda _: None,
-        monotonic=lambda: 0.0,  # times are those of the file alone
-        wall=lambda: 0.0,
-    )
-    source.open()
-
-    def frames() -> Iterator[Frame]:
-        try:
-            while (frame := source.read()) is not None:
-                yield frame
-        finally:
-            source.close()
-
-    return frames(), source.length
 
 
 def replay(arguments: argparse.Namespace) -> int:

@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from service.cli.common import Commands, add_command, camera_of, progress, roi_of
-from service.cli.replay import read_frames
 from service.config import load
 from service.labels import read_labels
+from service.recordings import read_frames
 from service.store.prior import Prior
 from service.store.priors import PriorStore
 from service.training import Trained

@@ -20,13 +20,13 @@ from service.bus.keys import Keys
 from service.bus.session import open_client
 from service.cli.alarms import as_client
 from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
-from service.cli.replay import read_frames
 from service.config import load
 from service.encode import VideoWriter
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
 from service.messages import StateMessage
 from service.pipeline import CameraPipeline
+from service.recordings import read_frames
 from service.report import state_line
 from tests.integration.site import Daemon, wait_for
 from tests.servers.process import RtspServer

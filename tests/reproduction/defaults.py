@@ -20,13 +20,13 @@ from models.profile import default_profile
 from models.roi import make_roi
 from models.state import H, W, X, Y, blank
 from service.cli.demo import CAMERA, ROI, demo_config
-from service.cli.replay import read_frames
 from service.config import JdtConfig, parse
 from service.detectors.filters import DEFAULT_SPEED_H_S
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
 from service.feed.write import write_video
 from service.labels import read_labels
+from service.recordings import read_frames
 from service.store.prior import Prior, encode
 from service.training import train
 

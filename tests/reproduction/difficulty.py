@@ -18,8 +18,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 from matplotlib.figure import Figure
-from scipy import stats
 
+from service.backtest.intervals import poisson_interval
 from service.config import CameraConfig, parse
 from service.feed.simulator import FeedSimulator, Truth
 from service.feed.spec import FeedSpec
@@ -30,6 +30,7 @@ from service.pipeline import CameraPipeline, RoiResult
 from service.store.prior import Prior, decode, encode
 from service.training import train
 from tests.reproduction import matrix
+from tests.reproduction.lumps import lies_on
 
 DOCS = Path(__file__).parents[2] / "docs"
 WORKERS = 2
@@ -71,7 +72,7 @@ cameras:
     ).cameras[0]
 
 
-def learn(style: str, feeds: int = 1) -> Prior:
+def learn(style: str) -> Prior:
     """A prior from the first training feed of the style's standard scene."""
     scene = matrix.scene("standard" if style == "a" else "b-standard")
     camera = camera_of(style)
@@ -122,16 +123,10 @@ def play(spec: FeedSpec, prior: bytes, switching: str = "adaptive") -> Played:
 
 
 def _announces(result: RoiResult, truth: Truth) -> bool:
-    """Whether the ROI says LUMP with an estimate on this lump (intersection over union above 0.3)."""
+    """Whether the ROI says LUMP with an estimate on this lump."""
     if result.decision is not Decision.LUMP or result.detection is None:
         return False
-    for one in result.detection.objects:
-        w = min(one.x + one.w, truth.x + truth.w) - max(one.x, truth.x)
-        h = min(one.y + one.h, truth.y + truth.h) - max(one.y, truth.y)
-        common = max(w, 0.0) * max(h, 0.0)
-        if common > 0.3 * (one.w * one.h + truth.w * truth.h - common):
-            return True
-    return False
+    return any(lies_on(one, truth) for one in result.detection.objects)
 
 
 def run(pool: Executor, feeds: int = FEEDS, empty: int = EMPTY_FEEDS) -> dict[str, tuple[Played, Played]]:
@@ -182,7 +177,7 @@ def write(found: dict[str, tuple[Played, Played]]) -> str:
         )
     total = sum(empty.seconds for _, empty in found.values()) / 3600.0
     alarms = sum(empty.false_alarms for _, empty in found.values())
-    low, high = _poisson(alarms)
+    low, high = poisson_interval(alarms, total)
     fell = sum(lumps.fell for lumps, _ in found.values())
     early = sum(in_time(lumps) for lumps, _ in found.values())
     table = "\n".join(rows)
@@ -197,7 +192,7 @@ False alarms are raises while no lump is in the picture: in the {SECONDS * FEEDS
 {SECONDS * EMPTY_FEEDS / 60:g} without any.
 
 Over all scenes {early} of {fell} lumps were announced in time, with {alarms} false alarms in {total:.1f} lump-free
-hours: {alarms / total:.1f} an hour (95 % interval {low / total:.1f} to {high / total:.1f}).
+hours: {alarms / total:.1f} an hour (95 % interval {low:.1f} to {high:.1f}).
 
 ![Share of lumps announced in time, and false alarms](../images/difficulty.png)
 
@@ -205,12 +200,6 @@ hours: {alarms / total:.1f} an hour (95 % interval {low / total:.1f} to {high / 
 |---|---|---|---|---|---|---|
 {table}
 """
-
-
-def _poisson(count: int) -> tuple[float, float]:
-    """Exact 95 % interval of a Poisson mean."""
-    low = stats.chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
-    return float(low), float(stats.chi2.ppf(0.975, 2 * count + 2) / 2)
 
 
 def draw(found: dict[str, tuple[Played, Played]], path: Path) -> None:

@@ -7,9 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Protocol
 
+import numpy as np
+
+from models.evaluation import overlaps
+from service.backtest.truth import OVERLAP
 from service.cli.demo import CAMERA, ROI, demo_config
-from service.cli.replay import read_frames
 from service.config import CameraConfig, parse
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
@@ -18,6 +22,7 @@ from service.frames import Frame
 from service.labels import Box, read_labels
 from service.messages import Decision, StateLine
 from service.pipeline import CameraPipeline
+from service.recordings import read_frames
 from service.replay import replay
 from service.store.prior import Prior
 from service.training import train
@@ -62,15 +67,26 @@ def announcements(states: list[StateLine], labels: Path, fps: float) -> list[Ann
 
 def _says(state: StateLine, box: Box) -> bool:
     """Whether the state is LUMP and its estimate lies on this box (intersection over union above 0.3)."""
-    if state.state is not Decision.LUMP:
-        return False
-    for found in state.objects:
-        w = min(found.x + found.w, box.x + box.w) - max(found.x, box.x)
-        h = min(found.y + found.h, box.y + box.h) - max(found.y, box.y)
-        common = max(w, 0.0) * max(h, 0.0)
-        if common > 0.3 * (found.w * found.h + box.w * box.h - common):
-            return True
-    return False
+    return state.state is Decision.LUMP and any(lies_on(found, box) for found in state.objects)
+
+
+class HasBox(Protocol):
+    """A box by its top left corner."""
+
+    @property
+    def x(self) -> float: ...
+    @property
+    def y(self) -> float: ...
+    @property
+    def w(self) -> float: ...
+    @property
+    def h(self) -> float: ...
+
+
+def lies_on(estimate: HasBox, lump: HasBox) -> bool:
+    """Whether an estimate lies on a lump: intersection over union above OVERLAP."""
+    found, true = (np.array([[box.x, box.y, box.w, box.h]]) for box in (estimate, lump))
+    return bool(overlaps(found, true)[0, 0] > OVERLAP)
 
 
 def alarms_on(camera: CameraConfig, prior: Prior, spec: FeedSpec, seconds: float) -> int:
