@@ -14,10 +14,11 @@ from pathlib import Path
 
 import zenoh
 
+from service.bus.access import access_control
 from service.bus.bus import Bus
 from service.bus.errors import BusClosed, BusError
 from service.bus.link import reason
-from service.config.bus import BusConfig
+from service.config.bus import BusConfig, TlsConfig
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +40,8 @@ def open_hub(config: BusConfig) -> Bus:
         raise BusError("bus: mode client has no hub of its own")
     listen = tuple(_with_port(endpoint) for endpoint in config.listen)
     settings = _settings(config, "router", listen=listen, connect=config.connect)
+    if config.access is not None:
+        settings.insert_json5("access_control", json.dumps(access_control(config.access)))
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:
@@ -116,11 +119,35 @@ def _settings(
         "timestamping/enabled": True,
         "transport/shared_memory/enabled": config.shared_memory,
     }
+    if config.tls is not None:
+        values |= _certificates(config.tls)
     if timeout_s is not None:
         values["connect/timeout_ms"] = max(1, round(timeout_s * 1000))
     for name, value in values.items():
         settings.insert_json5(name, json.dumps(value))
     return settings
+
+
+def _certificates(tls: TlsConfig) -> dict[str, object]:
+    """Both sides of every link show a certificate. Raises BusError for a file that cannot be read."""
+    for name, file in tls:
+        try:
+            Path(file).read_bytes()
+        except OSError as error:
+            raise BusError(f"bus.tls.{name}: {file}: cannot be read ({error.strerror})") from error
+    names = {
+        "root_ca_certificate": tls.ca,
+        "listen_certificate": tls.certificate,
+        "listen_private_key": tls.key,
+        "connect_certificate": tls.certificate,
+        "connect_private_key": tls.key,
+    }
+    values: dict[str, object] = {f"transport/link/tls/{name}": str(file) for name, file in names.items()}
+    return {
+        **values,
+        "transport/link/tls/enable_mtls": True,
+        "transport/link/tls/close_link_on_expiration": True,
+    }
 
 
 def _with_port(endpoint: str) -> str:

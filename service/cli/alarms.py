@@ -87,7 +87,9 @@ def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str) -> byte
     """The only answer to a query; raises LumpwatchError where there is none, or it is an error."""
     replies = bus.ask(key, parameters)
     if not replies:
-        raise LumpwatchError(f"nobody answers for {target}: is the daemon running and the name right?")
+        raise LumpwatchError(
+            f"nobody answers for {target}: is the daemon running, the name right, and this client allowed to?"
+        )
     reply = replies[0]
     if reply.payload is None:
         raise LumpwatchError(f"{target}: {reply.error}")

@@ -2,15 +2,57 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from service.config.base import PositiveSeconds, Strict
 
 Endpoint = Annotated[
     str, StringConstraints(pattern=r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s/]+(:\d{1,5})?(/[^\s]*)?$")
 ]
+
+CommonName = Annotated[str, StringConstraints(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f/]+$")]
+
+
+class TlsConfig(Strict):
+    """Certificates for endpoints that begin with `tls/` or `quic/`; both sides must show one.
+
+    Relative paths begin at the configuration file. `deploy/security/certificates.sh` makes the files.
+    """
+
+    ca: Path
+    """Certificate of the site's own authority (PEM): whom this process believes."""
+    certificate: Path
+    """Certificate of this process (PEM); its common name is what `access` goes by."""
+    key: Path
+    """Private key of the certificate (PEM, PKCS #8), readable by this process alone."""
+
+    def under(self, folder: Path) -> TlsConfig:
+        """The same with relative paths taken from `folder`."""
+        return TlsConfig(ca=folder / self.ca, certificate=folder / self.certificate, key=folder / self.key)
+
+
+class AccessConfig(Strict):
+    """Who may do what on the bus, by the common name of the client's certificate.
+
+    Everyone with a certificate of the site may read. Whatever is not allowed here is dropped by the hub.
+    """
+
+    daemons: Annotated[tuple[CommonName, ...], Field(min_length=1)] = ("lumpwatch",)
+    """Camera and monitor processes, and other routers: the only ones that publish frames, states, alarms."""
+    operators: tuple[CommonName, ...] = ()
+    """May acknowledge, shelve, take out of service, and judge alarms."""
+    plants: tuple[CommonName, ...] = ()
+    """Plant control: may suppress alarms by its signals."""
+
+    @model_validator(mode="after")
+    def _one_role(self) -> Self:
+        names = [*self.daemons, *self.operators, *self.plants]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"'{min(twice)}' is named more than once")
+        return self
 
 
 class BusConfig(Strict):
@@ -26,6 +68,10 @@ class BusConfig(Strict):
     """Let frames travel through shared memory between processes of one host."""
     connect_timeout_s: PositiveSeconds = 10.0
     """How long a process tries its first connection before it says so and tries again."""
+    tls: TlsConfig | None = None
+    """Certificates; needed by endpoints that begin with `tls/` or `quic/`."""
+    access: AccessConfig | None = None
+    """Who may do what (router mode, with `tls`); without it everyone who can connect may do everything."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -33,6 +79,16 @@ class BusConfig(Strict):
             raise ValueError("mode router needs at least one endpoint in listen")
         if self.mode == "client" and not self.connect:
             raise ValueError("mode client needs at least one endpoint in connect")
+        return self
+
+    @model_validator(mode="after")
+    def _secured(self) -> Self:
+        secured = [one.startswith(("tls/", "quic/")) for one in (*self.listen, *self.connect)]
+        if any(secured) and self.tls is None:
+            raise ValueError("an endpoint that begins with tls/ or quic/ needs bus.tls")
+        if self.mode == "router" and self.access is not None and not all(secured[: len(self.listen)]):
+            # Whoever comes without a certificate has no name to go by.
+            raise ValueError("access needs endpoints in listen that begin with tls/ or quic/")
         return self
 
     @property

@@ -37,10 +37,9 @@ def load(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text") from error
     config = parse(text, str(path), environ)
-    if not config.store.path.is_absolute():
-        store = config.store.model_copy(update={"path": path.parent / config.store.path})
-        config = config.model_copy(update={"store": store})
-    return config
+    store = config.store.model_copy(update={"path": path.parent / config.store.path})
+    tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
+    return config.model_copy(update={"store": store, "bus": config.bus.model_copy(update={"tls": tls})})
 
 
 def parse(text: str, name: str = "config", environ: Mapping[str, str] = os.environ) -> SiteConfig:

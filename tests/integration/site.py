@@ -40,14 +40,15 @@ def wait_for(what: str, condition: Callable[[], Any], within_s: float) -> Any:
 class Daemon:
     """`lumpwatch run` on a configuration; a context manager that ends it."""
 
-    def __init__(self, folder: Path, cameras: str) -> None:
+    def __init__(self, folder: Path, cameras: str, bus: str = 'listen: ["tcp/127.0.0.1:{port}"]') -> None:
+        """`bus` is what its part of the configuration holds; `{port}` becomes a free port."""
         self.folder = folder
         self.port = free_port()
         self.config = folder / "site.yaml"
         self.config.write_text(
             f"""\
 site: test
-bus: {{listen: ["tcp/127.0.0.1:{free_port()}"]}}
+bus: {{{bus.replace("{port}", str(free_port()))}}}
 store: {{path: var, poll_s: 0.2}}
 telemetry: {{listen: "127.0.0.1:{self.port}"}}
 cameras:

@@ -1,0 +1,76 @@
+"""Who may do what on the bus: zenoh's access control, made from the roles of the configuration.
+
+The hub judges every message of every link by the common name of the peer's certificate. What no rule
+allows is dropped in silence: to the sender it looks as if nobody were there.
+"""
+
+from __future__ import annotations
+
+from service.bus.keys import Kind
+from service.config.bus import AccessConfig
+
+COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE)
+"""Queries that operators may send."""
+SIGNALS = (Kind.SUPPRESS,)
+"""Puts and queries that plant control may send."""
+READABLE = (
+    Kind.FRAME,
+    Kind.JPEG,
+    Kind.HEARTBEAT,
+    Kind.STATE,
+    Kind.ALARM,
+    Kind.LEVEL,
+    Kind.PRIOR,
+    Kind.ALIVE,
+)
+"""What everyone with a certificate may receive and ask for."""
+
+_READ = ["declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber"]
+_SEEN = ["put", "delete", "reply", "liveliness_token", "declare_subscriber", "declare_queryable"]
+_ALL = [*dict.fromkeys([*_READ, *_SEEN])]
+# `**` does not stand for parts that begin with @, in which liveliness and the publishers' caches live.
+_ANYTHING = ["**", "**/@alive/**", "**/@adv/**"]
+
+
+def access_control(access: AccessConfig) -> dict[str, object]:
+    """The `access_control` part of a hub's zenoh configuration."""
+    readable = [key for kind in READABLE for key in _keys(kind)]
+    rules = [
+        {"id": "everything", "flows": ["ingress", "egress"], "messages": _ALL, "key_exprs": _ANYTHING},
+        {"id": "read", "flows": ["ingress"], "messages": _READ, "key_exprs": readable},
+        {"id": "receive", "flows": ["egress"], "messages": _SEEN, "key_exprs": _ANYTHING},
+        {"id": "command", "flows": ["ingress"], "messages": ["query"], "key_exprs": _of(COMMANDS)},
+        {"id": "signal", "flows": ["ingress"], "messages": ["query", "put"], "key_exprs": _of(SIGNALS)},
+    ]
+    roles = {
+        "daemons": (access.daemons, ["everything"]),
+        "operators": (access.operators, ["command"]),
+        "plants": (access.plants, ["signal"]),
+    }
+    named = {role: given for role, given in roles.items() if given[0]}
+    everyone = {"id": "everyone"}  # no attribute: every certificate matches
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [rule | {"permission": "allow"} for rule in rules],
+        "subjects": [
+            everyone,
+            *({"id": role, "cert_common_names": names} for role, (names, _) in named.items()),
+        ],
+        "policies": [
+            {"rules": ["read", "receive"], "subjects": ["everyone"]},
+            *({"rules": allowed, "subjects": [role]} for role, (_, allowed) in named.items()),
+        ],
+    }
+
+
+def _of(kinds: tuple[Kind, ...]) -> list[str]:
+    return [key for kind in kinds for key in _keys(kind)]
+
+
+def _keys(kind: Kind) -> list[str]:
+    """The keys of a kind on every site, with the caches of their publishers."""
+    if kind is Kind.ALIVE:
+        return [f"lumpwatch/v1/*/{kind}/**"]
+    key = f"lumpwatch/v1/*/**/{kind}"
+    return [key, f"{key}/@adv/**"]
