@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 from service.config import DetectorConfig, HistogramConfig, JdtConfig, SiteConfig
 from service.errors import ConfigError
 from service.store.priors import PriorStore
+
+SHARED_MEMORY = Path("/dev/shm")
+SHARED_MEMORY_MIB = 36
+"""What the two processes of one camera take of it."""
+
+
+def check_shared_memory(config: SiteConfig, folder: Path = SHARED_MEMORY) -> None:
+    """Raises ConfigError where frames are to travel through shared memory and it is too small for that.
+
+    Containers have 64 MiB of it unless told otherwise.
+    """
+    if not config.bus.shared_memory or not folder.exists():
+        return
+    size = os.statvfs(folder)
+    has, needs = (size.f_blocks * size.f_frsize) >> 20, SHARED_MEMORY_MIB * len(config.cameras)
+    if has < needs:
+        raise ConfigError(
+            f"bus.shared_memory: {folder} has {has} MiB, {len(config.cameras)} cameras need {needs}; "
+            f"start the container with --shm-size={needs}m, or set bus.shared_memory: false"
+        )
 
 
 def _needs_prior(detector: DetectorConfig) -> str | None:

@@ -7,44 +7,32 @@ standard error; a traceback is a bug.
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from service.cli import (
-    alarms,
-    backtest,
-    check,
-    demo,
-    evaluate,
-    events,
-    operate,
-    priors,
-    replay,
-    run,
-    schema,
-    simulate,
-    train,
-)
 from service.errors import LumpwatchError
 
-_COMMANDS = (
-    run,
-    demo,
-    replay,
-    evaluate,
-    backtest,
-    train,
-    priors,
-    check,
-    schema,
-    alarms,
-    operate,
-    events,
-    simulate,
-)
+_MODULES = {
+    "run": ("run",),
+    "health": ("health",),
+    "demo": ("demo",),
+    "replay": ("replay",),
+    "evaluate": ("evaluate",),
+    "backtest": ("backtest",),
+    "train": ("train",),
+    "priors": ("priors",),
+    "check": ("check",),
+    "schema": ("schema",),
+    "alarms": ("alarms",),
+    "operate": ("ack", "shelve", "unshelve", "service"),
+    "events": ("events",),
+    "simulate": ("simulate",),
+}
+"""Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -52,23 +40,29 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line with all commands."""
+def parser(command: str | None = None) -> argparse.ArgumentParser:
+    """The command line with all commands, or with one (and those of its module)."""
     top = _Parser(
         prog="lumpwatch",
         description="Watches the feed of a crusher and says in time that a large lump is coming.",
     )
     top.add_argument("--version", action="version", version=f"lumpwatch {version('lumpwatch')}")
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in _COMMANDS:
-        command.add(commands)
+    modules = [module for module, names in _MODULES.items() if command is None or command in names]
+    for module in modules:
+        importlib.import_module(f"service.cli.{module}").add(commands)
     return top
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    if given == ["--version"]:
+        print(f"lumpwatch {version('lumpwatch')}")  # noqa: T201 - the answer
+        return 0
+    known = {name for names in _MODULES.values() for name in names}
     try:
-        arguments = parser().parse_args(argv)
+        arguments = parser(given[0] if given and given[0] in known else None).parse_args(given)
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
     try:

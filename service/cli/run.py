@@ -11,7 +11,7 @@ from service.config import load
 from service.daemon import Addresses
 from service.daemon import run as run_daemon
 from service.logs import log_to_stderr
-from service.readiness import check_priors
+from service.readiness import check_priors, check_shared_memory
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     for camera_id in arguments.camera:
         camera_of(config, camera_id)
     log_to_stderr()
+    check_shared_memory(config)
     for (camera_id, roi_id), note in check_priors(config).items():
         log.info("%s/%s: prior %s", camera_id, roi_id, note)
     roles = (arguments.only,) if arguments.only else ("camera", "monitor")

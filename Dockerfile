@@ -1,0 +1,47 @@
+# The daemon as a container: not root, read-only, no shell needed, nothing downloaded at run time.
+#
+#   docker build -t lumpwatch .
+#   docker run --read-only --cap-drop ALL --security-opt no-new-privileges --shm-size 64m \
+#       --tmpfs /tmp -v lumpwatch:/var/lib/lumpwatch -v ./site.yaml:/etc/lumpwatch/site.yaml:ro lumpwatch
+#
+# BASE can be any image with Python 3.11 or newer and glibc; sites with a mirror name theirs.
+ARG BASE=docker.io/library/python:3.11-slim-bookworm
+
+FROM ${BASE} AS build
+WORKDIR /source
+COPY deploy/container/requirements.lock ./
+RUN python3 -m venv /opt/lumpwatch && \
+    /opt/lumpwatch/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r requirements.lock
+COPY pyproject.toml README.md LICENSE ./
+COPY models models
+COPY service service
+RUN /opt/lumpwatch/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps . && \
+    /opt/lumpwatch/bin/pip uninstall --yes --quiet pip setuptools && \
+    find /opt/lumpwatch -type d \( -name tests -o -name __pycache__ \) -prune -exec rm -rf {} + && \
+    python3 -m compileall -q -j 0 /opt/lumpwatch && \
+    mkdir -p /empty/var/lib/lumpwatch
+
+FROM ${BASE}
+ARG VERSION=0.1.0
+ARG REVISION=unknown
+ARG CREATED=1970-01-01T00:00:00Z
+LABEL org.opencontainers.image.title="lumpwatch" \
+      org.opencontainers.image.description="Watches the feed of a crusher and says in time that a large lump is coming" \
+      org.opencontainers.image.licenses="Apache-2.0" \
+      org.opencontainers.image.version="${VERSION}" \
+      org.opencontainers.image.revision="${REVISION}" \
+      org.opencontainers.image.created="${CREATED}"
+COPY --from=build /opt/lumpwatch /opt/lumpwatch
+COPY --from=build --chown=10001:10001 /empty/var/lib/lumpwatch /var/lib/lumpwatch
+# Compiled kernels stay in the store's volume: the first start takes some seconds longer than the next.
+ENV PATH=/opt/lumpwatch/bin:/usr/local/bin:/usr/bin:/bin \
+    PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 \
+    NUMBA_CACHE_DIR=/var/lib/lumpwatch/kernels MPLCONFIGDIR=/tmp HOME=/tmp
+USER 10001:10001
+VOLUME /var/lib/lumpwatch
+EXPOSE 7447 9464
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=15s --timeout=10s --start-period=60s --retries=3 \
+    CMD ["lumpwatch", "health", "/etc/lumpwatch/site.yaml"]
+ENTRYPOINT ["lumpwatch"]
+CMD ["run", "/etc/lumpwatch/site.yaml"]
