@@ -17,6 +17,8 @@ from multiprocessing.connection import Connection
 from prometheus_client import CollectorRegistry, generate_latest
 
 REPORT_EVERY_S = 0.5
+STARTING = "starting"
+"""State of a worker that has not done its work once yet."""
 GRACE_S = 3.0
 """A worker that has not stopped this long after it was asked ends itself the hard way."""
 
@@ -42,7 +44,7 @@ class WorkerLink:
         self._connection = connection
         self._registry = registry
         self._beat_s = time.monotonic()
-        self.state = "starting"
+        self.state = STARTING
         self.decided: dict[str, float] = {}
         self.stop = threading.Event()
         """Set when the worker should end."""

@@ -112,7 +112,6 @@ class Monitor:
         for roi in self._camera.rois:
             self._serve(roi.id)
         self._bus.alive(self._keys.alive("monitor", self._camera.id))
-        self._link.state = "running"
         looked_s = beat_s = 0.0
         while not self._link.stop.is_set():
             self._link.beat()
@@ -122,6 +121,7 @@ class Monitor:
                 if frame is not None:
                     try:
                         results = self._pipeline.process(frame, now)
+                        self._link.state = "running"  # kernels are compiled in the first step
                         self._publish(results)
                         if not results:
                             frame = None  # one that is not newer does not keep the picture alive

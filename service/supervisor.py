@@ -12,7 +12,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
-from service.link import GRACE_S, Report, Worker
+from service.link import GRACE_S, STARTING, Report, Worker
 from service.telemetry.relay import Relay
 
 log = logging.getLogger(__name__)
@@ -21,6 +21,8 @@ FIRST_PAUSE_S = 0.5
 LONGEST_PAUSE_S = 15.0
 _CALM_S = 60.0
 """A worker that lived this long starts again without delay growing."""
+_STARTING_S = 120.0
+"""How long a worker may take to load its libraries and, on a first start, to compile its kernels."""
 _SILENT_S = 10.0
 """A worker whose reporting thread is silent for longer is stopped or swapped out: it is stuck."""
 
@@ -135,9 +137,12 @@ class Supervisor:
             pass  # the process is ending; is_alive tells
 
     def _stuck(self, keeper: _Keeper, now: float) -> bool:
-        if keeper.report is None:  # libraries load and kernels compile
-            return now - keeper.started_s > max(60.0, keeper.task.stuck_after_s)
-        return now - keeper.heard_s > _SILENT_S or now - keeper.report.beat_s > keeper.task.stuck_after_s
+        patience = keeper.task.stuck_after_s
+        if keeper.report is None or keeper.report.state == STARTING:
+            patience = max(_STARTING_S, patience)
+        if keeper.report is None:
+            return now - keeper.started_s > patience
+        return now - keeper.heard_s > _SILENT_S or now - keeper.report.beat_s > patience
 
     def _end(self, keeper: _Keeper, now: float, reason: str) -> None:
         assert keeper.process is not None

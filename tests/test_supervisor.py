@@ -150,6 +150,14 @@ def test_a_worker_that_hangs_is_killed_and_started_again(started: list[Site], tm
 
 
 @pytest.mark.slow
+def test_a_first_start_may_take_longer_than_a_hang(started: list[Site]) -> None:
+    site = Site(workers.compiling, stuck_after_s=0.5)
+    started.append(site)
+    site.until(lambda: site.state() == "running")
+    assert site.restarts == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [workers.deaf, workers.mute, workers.stubborn])
 def test_stopping_takes_bounded_time(started: list[Site], target: Callable[..., None]) -> None:
     site = Site(target)

@@ -56,8 +56,21 @@ def hanging(once: str, connection: Connection) -> None:
     registry = CollectorRegistry()
     link = WorkerLink(connection, registry)
     _metrics(registry)
+    link.state = "running"
     link.beat()
     time.sleep(600)
+
+
+def compiling(connection: Connection) -> None:
+    """Takes two seconds for its first work, without a beat."""
+    registry = CollectorRegistry()
+    link = WorkerLink(connection, registry)
+    link.beat()
+    time.sleep(2.0)
+    link.state = "running"
+    while not link.wait(0.05):
+        pass
+    link.close()
 
 
 def deaf(connection: Connection) -> None:
