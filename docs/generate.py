@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from service.cli import parser
 from service.config import SiteConfig
 from service.messages import AlarmEvent, Heartbeat, Level, StateLine, StateMessage
+from service.shadow.record import ShadowState
 from service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
 
 HERE = Path(__file__).parent / "reference"
@@ -36,7 +37,7 @@ def config_page() -> str:
 def messages_page() -> str:
     """Every field of the messages on the bus and of the replay's lines."""
     parts = [f"{NOTE}\n# Messages\n", "JSON. `lumpwatch schema alarm` and the like print the JSON Schemas.\n"]
-    for model in (AlarmEvent, StateMessage, Heartbeat, Level, StateLine):
+    for model in (AlarmEvent, StateMessage, Heartbeat, Level, ShadowState, StateLine):
         schema = model.model_json_schema(mode="serialization")
         parts.append(_model(model.__name__, schema, _summary(model)))
         parts += [

@@ -28,6 +28,7 @@ from service.messages import Heartbeat, RoiBeat, utc
 from service.pipeline import CameraPipeline, RoiResult
 from service.prior_watch import PriorWatch
 from service.report import Clocks
+from service.shadow.desk import ShadowDesk
 from service.sources.timing import StreamClock
 from service.store.event_writer import EventWriter
 from service.store.prior import encode
@@ -77,9 +78,8 @@ class Monitor:
         self._link = link
         self._metrics = metrics
         self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
-        self._priors = PriorWatch(
-            PriorStore(config.store.path, config.store.keep_priors), camera_id, config.store.poll_s, metrics
-        )
+        store = PriorStore(config.store.path, config.store.keep_priors)
+        self._priors = PriorWatch(store, camera_id, config.store.poll_s, metrics)
         self._pipeline = CameraPipeline(
             self._camera,
             {roi.id: self._priors.first(roi.id) for roi in self._camera.rois},
@@ -97,6 +97,9 @@ class Monitor:
             metrics,
             host_clock(),
             lambda: Clocks(time.monotonic(), time.time()),
+        )
+        self._shadows = ShadowDesk(
+            config.site, self._camera, store, config.store.poll_s, bus, metrics.shadows
         )
         self._decisions: dict[str, RoiResult] = {}
         self._decided_s: dict[str, float] = {}
@@ -117,6 +120,7 @@ class Monitor:
             self._link.beat()
             frame = self._take()
             now = time.monotonic()
+            results: tuple[RoiResult, ...] = ()
             with self._lock:
                 if frame is not None:
                     try:
@@ -137,6 +141,9 @@ class Monitor:
                     self._count_inbox()
                     self._look_for_priors(now)
                     beat_s = now
+            # Behind everything else and outside the lock: what a shadow does can only be late.
+            self._shadows.follow(results, time.monotonic() - now)
+        self._shadows.close()
 
     def _serve(self, roi: str) -> None:
         """Answer operators, the plant, and whoever wants the prior."""
@@ -206,9 +213,11 @@ class Monitor:
 
     def _look_for_priors(self, now: float) -> None:
         for roi in self._camera.rois:
-            if (prior := self._priors.look(roi.id, now)) is not None:
-                self._pipeline.use_prior(roi.id, prior)
+            if (found := self._priors.look(roi.id, now)) is not None:
+                self._pipeline.use_prior(roi.id, found.prior)
             self._priors.measure(roi.id, self._pipeline.prior(roi.id), time.time())
+        self._shadows.look(self._pipeline.prior, now)
+        self._shadows.tell(now)
 
     def _act(self, kind: Kind, roi: str) -> Handler:
         def handle(parameters: dict[str, str], payload: bytes | None) -> bytes:

@@ -186,13 +186,14 @@ class CameraPipeline:
         """The prior that a ROI uses; None: the stated defaults."""
         return self._rois[roi_id].prior
 
-    def use_prior(self, roi_id: str, prior: Prior) -> None:
-        """Filter on with another prior; one that does not fit is refused and the old one stays."""
+    def use_prior(self, roi_id: str, prior: Prior | None) -> None:
+        """Filter on with another prior (None: the defaults); what does not fit is refused, the old one stays."""
         roi = self._rois[roi_id]
         if roi.detector is not None and self._size is not None:
             try:
-                prior.check_fits(roi.config, *self._size)
-                roi.detector.use(prior.learned)
+                if prior is not None:
+                    prior.check_fits(roi.config, *self._size)
+                roi.detector.use(prior.learned if prior else None)
             except LumpwatchError as error:
                 self._refuse(roi, error)
                 return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from service.store.prior import Prior
-from service.store.priors import PriorStore, StoreError
+from service.store.priors import Found, PriorStore, StoreError
 from service.telemetry.metrics import MonitorMetrics
 
 log = logging.getLogger(__name__)
@@ -25,10 +25,13 @@ class PriorWatch:
     def first(self, roi: str) -> Prior | None:
         """The prior to start with; None: the stated defaults."""
         self._pointer[roi] = self._store.pointer(self._camera, roi)
-        return self._read(roi)
+        return self._read(roi).prior
 
-    def look(self, roi: str, now_s: float) -> Prior | None:
-        """A prior that has newly been set to be used, else None; reads at most once in `poll_s`."""
+    def look(self, roi: str, now_s: float) -> Found | None:
+        """What has newly been set to be used, else None; reads at most once in `poll_s`.
+
+        A prior, or none where that is what was asked for.
+        """
         if now_s - self._looked_s.get(roi, float("-inf")) < self._poll_s:
             return None
         self._looked_s[roi] = now_s
@@ -36,23 +39,27 @@ class PriorWatch:
         if pointer is None or pointer == self._pointer.get(roi):
             return None
         self._pointer[roi] = pointer
-        return self._read(roi)
+        found = self._read(roi)
+        if pointer == 0:
+            log.info("%s/%s: uses the stated defaults", self._camera, roi)
+            return found
+        return None if found.prior is None else found
 
     def measure(self, roi: str, prior: Prior | None, wall_s: float) -> None:
         """Put version and age of the prior in use into the metrics."""
         age = 0.0 if prior is None else max(0.0, wall_s - prior.meta.created.timestamp())
         self._metrics.prior(roi, prior.version if prior else 0, age)
 
-    def _read(self, roi: str) -> Prior | None:
+    def _read(self, roi: str) -> Found:
         try:
             found = self._store.current(self._camera, roi)
         except StoreError as error:
             log.error("%s/%s: %s", self._camera, roi, error)  # noqa: TRY400 - the line says it all
             self._metrics.prior_refused(roi, "unreadable")
-            return None
+            return Found(None)
         for problem in found.problems:
             log.error("%s/%s: prior refused: %s", self._camera, roi, problem)
             self._metrics.prior_refused(roi, "unreadable")
         if found.prior is not None:
             log.info("%s/%s: uses prior version %d", self._camera, roi, found.prior.version)
-        return found.prior
+        return found

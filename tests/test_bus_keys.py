@@ -29,6 +29,7 @@ def test_keys_are_those_of_the_contract() -> None:
     assert keys.service("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/service"
     assert keys.suppress("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/suppress"
     assert keys.prior("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/prior"
+    assert keys.shadow("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/shadow"
     assert keys.alive("camera", "c1") == "lumpwatch/v1/north-pit/@alive/camera/c1"
 
 
@@ -53,6 +54,7 @@ def test_parse_is_the_reverse(site: str, one: str, two: str) -> None:
     assert parse(keys.ack(one, two)) == Address(site, Kind.ACK, camera=one, roi=two)
     for kind in (Kind.LEVEL, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS):
         assert parse(getattr(keys, kind.value)(one, two)) == Address(site, kind, camera=one, roi=two)
+    assert parse(keys.shadow(one, two)) == Address(site, Kind.SHADOW, camera=one, roi=two)
     assert parse(keys.prior(one, two)) == Address(site, Kind.PRIOR, camera=one, roi=two)
     assert parse(keys.alive(one, two)) == Address(site, Kind.ALIVE, role=one, name=two)
 

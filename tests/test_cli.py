@@ -39,6 +39,7 @@ COMMANDS = (
     "evaluate",
     "backtest",
     "train",
+    "refine",
     "priors",
     "check",
     "schema",
@@ -127,6 +128,7 @@ def test_the_version(capsys: Captured) -> None:
         ("demo", "--seconds", "soon"),
         ("simulate",),
         ("simulate", "out", "--seed", "x"),
+        ("refine", "a.yaml", "--camera", "c", "--roi", "r"),
         ("priors", "burn", "a.yaml", "--camera", "c", "--roi", "r"),
         ("alarms", "a.yaml", "--count", "many"),
         ("ack", "a.yaml", "--camera", "c", "--roi", "r"),
@@ -150,6 +152,7 @@ NEEDS_CONFIG = [
     ("unshelve", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
     ("service", "{}", "in", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
     ("train", "{}", "clip.mp4", "gt.txt", "--camera", "cam", "--roi", "apron"),
+    ("refine", "{}", "clip.mp4", "--camera", "cam", "--roi", "apron"),
     ("priors", "list", "{}", "--camera", "cam", "--roi", "apron"),
 ]
 
@@ -263,6 +266,30 @@ def test_priors_are_listed_rolled_back_exported_and_imported(
     assert cv2.imread(str(picture)) is not None
 
 
+def test_a_prior_is_tried_in_shadow_promoted_and_gone_back_from(
+    capsys: Captured, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    store = PriorStore(tmp_path / "var")
+    of = ("--camera", "cam", "--roi", "apron")
+    file = tmp_path / "some.prior"
+    file.write_bytes(encode(prior()))
+    told = done(capsys, "priors", "import", config, file, *of, "--shadow")
+    assert "stored as version 1 and runs in shadow" in told
+    assert "nothing was counted yet" in done(capsys, "priors", "shadow", config, *of)
+    assert "back with priors rollback --version 0" in done(capsys, "priors", "promote", config, *of)
+    assert "the stated defaults are in use" in done(capsys, "priors", "rollback", config, *of, "--version", 0)
+    assert store.current("cam", "apron").prior is None
+    store.save(prior(source="b.mp4"))
+    assert "version 1 runs in shadow" in done(capsys, "priors", "shadow", config, *of, "--version", 1)
+    store.save(prior(source="c.mp4"), shadow=True)
+    rows = [line.split("│") for line in done(capsys, "priors", "list", config, *of).splitlines()]
+    states = {row[1].strip(): row[-2].strip() for row in rows if len(row) > 3}
+    assert states == {"1": "", "2": "in use", "3": "in shadow"}
+    assert "version 3 no longer" in done(capsys, "priors", "drop", config, *of, "--version", 3)
+    assert "never in use" in done(capsys, "priors", "list", config, *of)
+
+
 @pytest.mark.parametrize(
     ("action", "more", "reason"),
     [
@@ -272,6 +299,9 @@ def test_priors_are_listed_rolled_back_exported_and_imported(
         ("import", ("site.yaml",), "site.yaml: is not a lumpwatch prior"),
         ("import", ("none.prior",), "none.prior: cannot be read"),
         ("show", ("x.png",), "has no prior that can be read"),
+        ("shadow", ("--version", "7"), "there is no version 7"),
+        ("promote", (), "no prior runs in shadow"),
+        ("drop", (), "no prior runs in shadow"),
     ],
 )
 def test_what_priors_cannot_do_is_one_line(

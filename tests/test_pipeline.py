@@ -138,6 +138,14 @@ def test_acknowledging() -> None:
         target.acknowledge("chute", "Ada", 2.2)
 
 
+def test_a_prior_is_taken_and_left_for_the_defaults() -> None:
+    known = prior(learned(likelihood=lump_fit()), version=3)
+    target = pipeline(camera(likelihood={"kind": "lump"}), known)
+    assert feed(target, [frame(0)])[0].prior == 3
+    target.use_prior("apron", None)
+    assert feed(target, [frame(1)])[0].prior == 0
+
+
 def test_stages_are_timed_for_each_frame() -> None:
     seen = Counting()
     feed(pipeline(observer=seen), scene(4, 0))

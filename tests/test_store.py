@@ -17,7 +17,7 @@ from models.density import GridDensity
 from models.state import Y
 from service.prior_watch import PriorWatch
 from service.store import atomic
-from service.store.prior import Prior, PriorError, encode
+from service.store.prior import PriorError, encode
 from service.store.priors import Found, PriorStore, StoreError, check_owner, read_file
 from service.telemetry.metrics import MonitorMetrics
 from tests.service_helpers import learned, prior, same
@@ -271,8 +271,8 @@ def problems(registry: CollectorRegistry) -> float | None:
     return registry.get_sample_value("lumpwatch_prior_problems_total", labels)
 
 
-def version(found: Prior | None) -> int | None:
-    return None if found is None else found.version
+def version(found: Found | None) -> int | None:
+    return None if found is None or found.prior is None else found.prior.version
 
 
 def test_a_new_prior_is_seen_once(tmp_path: Path) -> None:
@@ -292,11 +292,25 @@ def test_a_new_prior_is_seen_once(tmp_path: Path) -> None:
     assert problems(registry) is None
 
 
+def test_going_back_to_the_defaults_is_seen(tmp_path: Path) -> None:
+    store = stored(tmp_path, "a")
+    watching, registry = watch(store)
+    assert watching.first("apron") is not None
+    store.use_defaults("cam", "apron")
+    assert watching.look("apron", 10.0) == Found(None)
+    assert watching.look("apron", 20.0) is None
+    store.use("cam", "apron", 1)
+    assert version(watching.look("apron", 30.0)) == 1
+    assert problems(registry) is None
+
+
 def test_a_damaged_prior_is_counted_and_passed_over(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", "b")
     _damage(store, 2)
     watching, registry = watch(store)
-    assert version(watching.first("apron")) == 1
+    first = watching.first("apron")
+    assert first is not None
+    assert first.version == 1
     assert problems(registry) == 1.0
 
 

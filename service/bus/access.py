@@ -21,6 +21,7 @@ READABLE = (
     Kind.ALARM,
     Kind.LEVEL,
     Kind.PRIOR,
+    Kind.SHADOW,
     Kind.ALIVE,
 )
 """What everyone with a certificate may receive and ask for."""

@@ -25,6 +25,7 @@ class Kind(StrEnum):
     SERVICE = "service"
     SUPPRESS = "suppress"
     PRIOR = "prior"
+    SHADOW = "shadow"
     ALIVE = "@alive"
 
 
@@ -40,6 +41,7 @@ _OF_ROI = frozenset(
         Kind.SERVICE,
         Kind.SUPPRESS,
         Kind.PRIOR,
+        Kind.SHADOW,
     }
 )
 
@@ -112,6 +114,10 @@ class Keys:
     def prior(self, camera: str, roi: str) -> str:
         """Query for the prior that the ROI uses."""
         return self._of_roi(camera, roi, Kind.PRIOR)
+
+    def shadow(self, camera: str, roi: str) -> str:
+        """State of the prior that runs in shadow on the ROI, while one does."""
+        return self._of_roi(camera, roi, Kind.SHADOW)
 
     def alive(self, role: str, name: str) -> str:
         """Liveliness token of a process."""

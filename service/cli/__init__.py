@@ -24,6 +24,7 @@ _MODULES = {
     "evaluate": ("evaluate",),
     "backtest": ("backtest",),
     "train": ("train",),
+    "refine": ("refine",),
     "priors": ("priors",),
     "check": ("check",),
     "schema": ("schema",),

@@ -1,4 +1,4 @@
-"""`lumpwatch priors`: list, show, roll back, export and import the stored priors."""
+"""`lumpwatch priors`: list, show, try in shadow, promote, roll back, export and import the stored priors."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from rich.table import Table
 from service.cli.common import Commands, add_command, camera_of, roi_of
 from service.config import load
 from service.errors import ConfigError, LumpwatchError
+from service.shadow.keeping import read_state
+from service.shadow.record import summary
 from service.store import atomic
 from service.store.prior import PriorError, encode
 from service.store.priors import PriorStore, check_owner, read_file
@@ -22,17 +24,28 @@ def add(commands: Commands) -> None:
         commands,
         "priors",
         priors,
-        "List the stored versions of a ROI's prior, draw one, go back to one, or move one elsewhere.",
+        "List the stored versions of a ROI's prior, draw one, try one in shadow, promote or drop what runs in "
+        "shadow, go back to one, or move one elsewhere. A running daemon follows without a restart.",
         "lumpwatch priors rollback site.yaml --camera crusher-1 --roi apron --version 3",
     )
-    parser.add_argument("action", choices=("list", "show", "rollback", "export", "import"), help="what to do")
+    parser.add_argument(
+        "action",
+        choices=("list", "show", "shadow", "promote", "drop", "rollback", "export", "import"),
+        help="what to do; shadow tells how the trial goes, or begins one with --version",
+    )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
         "file", type=Path, nargs="?", metavar="FILE", help="PNG (show) or prior file (export, import)"
     )
     parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
     parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
-    parser.add_argument("--version", type=int, metavar="N", help="version (default: the one in use)")
+    parser.add_argument(
+        "--version",
+        type=int,
+        metavar="N",
+        help="version (default: the one in use; promote, drop: the one in shadow; rollback to 0: stated defaults)",
+    )
+    parser.add_argument("--shadow", action="store_true", help="import: to run in shadow, not to be used")
 
 
 def priors(arguments: argparse.Namespace) -> int:
@@ -43,21 +56,66 @@ def priors(arguments: argparse.Namespace) -> int:
     store = PriorStore(config.store.path, config.store.keep_priors)
     if arguments.action == "list":
         return _list(store, camera.id, roi.id)
-    if arguments.action == "rollback":
-        if arguments.version is None:
-            raise ConfigError("priors rollback needs --version N")
-        prior = store.use(camera.id, roi.id, arguments.version)
-        print(f"{camera.id}/{roi.id}: version {prior.version} is in use")  # noqa: T201
-        return 0
+    if arguments.action in _TRIAL:
+        return _TRIAL[arguments.action](store, camera.id, roi.id, arguments.version)
     if arguments.file is None:
         raise ConfigError(f"priors {arguments.action} needs a FILE")
     if arguments.action == "import":
         prior = read_file(arguments.file)
         check_owner(prior, camera.id, roi.id, str(arguments.file))
-        stored = store.save(prior)
-        print(f"{camera.id}/{roi.id}: stored as version {stored.version} and in use")  # noqa: T201
+        stored = store.save(prior, shadow=arguments.shadow)
+        what = "runs in shadow" if arguments.shadow else "in use"
+        print(f"{camera.id}/{roi.id}: stored as version {stored.version} and {what}")  # noqa: T201
         return 0
     return _write(store, camera.id, roi.id, arguments)
+
+
+def _rollback(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
+    if version is None:
+        raise ConfigError("priors rollback needs --version N")
+    if version == 0:
+        store.use_defaults(camera, roi)
+        print(f"{camera}/{roi}: the stated defaults are in use")  # noqa: T201
+    else:
+        store.use(camera, roi, version)
+        print(f"{camera}/{roi}: version {version} is in use")  # noqa: T201
+    return 0
+
+
+def _promote(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
+    before = store.current(camera, roi).prior
+    prior = store.promote(camera, roi, version)
+    print(  # noqa: T201
+        f"{camera}/{roi}: version {prior.version} is in use; back with "
+        f"priors rollback --version {before.version if before else 0}"
+    )
+    return 0
+
+
+def _drop(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
+    dropped = store.drop_shadow(camera, roi, version)
+    print(f"{camera}/{roi}: version {dropped} no longer runs in shadow")  # noqa: T201
+    return 0
+
+
+def _shadow(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
+    if version is not None:
+        store.set_shadow(camera, roi, version)
+        print(f"{camera}/{roi}: version {version} runs in shadow")  # noqa: T201
+        return 0
+    wanted = store.shadow_pointer(camera, roi)
+    if wanted is None:
+        print(f"{camera}/{roi}: no prior runs in shadow")  # noqa: T201
+        return 0
+    state = read_state(store, camera, roi)
+    if state is None or state.version != wanted:
+        print(f"{camera}/{roi}: version {wanted} is to run in shadow; nothing was counted yet")  # noqa: T201
+        return 0
+    print("\n".join(summary(state)))  # noqa: T201
+    return 0
+
+
+_TRIAL = {"shadow": _shadow, "promote": _promote, "drop": _drop, "rollback": _rollback}
 
 
 def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespace) -> int:
@@ -92,7 +150,11 @@ def _list(store: PriorStore, camera: str, roi: str) -> int:
         except PriorError as error:
             table.add_row(str(version), "", "", "", "", f"refused: {error}")
             continue
-        state = "in use" if in_use.prior is not None and in_use.prior.version == version else ""
+        state = "never in use" if store.untried(camera, roi, version) else ""
+        if in_use.prior is not None and in_use.prior.version == version:
+            state = "in use"
+        elif version == store.shadow_pointer(camera, roi):
+            state = "in shadow"
         table.add_row(
             str(version),
             f"{prior.meta.created:%Y-%m-%d %H:%M:%S}",

@@ -18,6 +18,8 @@ from service.readiness import check_priors
 from service.recordings import read_frames
 from service.replay import ReplayError, Summary, Watcher
 from service.replay import replay as run_replay
+from service.shadow.record import summary as lines_of
+from service.shadow.recorded import ReplayShadow
 from service.store.priors import PriorStore
 
 
@@ -38,6 +40,12 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--overlay", action="store_true", help="write a video with ROI, particles, estimate and existence"
     )
+    parser.add_argument(
+        "--shadow",
+        type=int,
+        metavar="VERSION",
+        help="run that version of the prior in shadow; how it differs is written to shadow.json",
+    )
 
 
 def replay(arguments: argparse.Namespace) -> int:
@@ -52,6 +60,10 @@ def replay(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         advance = stack.enter_context(progress("replay", length))
         watchers: list[Watcher] = [lambda frame, results, pipeline: advance(frame.seq + 1)]
+        shadow = None
+        if arguments.shadow is not None:
+            shadow = ReplayShadow(camera, store, arguments.shadow)
+            watchers.append(shadow.watch)
         curves = _plot(arguments, watchers)
         _overlay(arguments, camera, stack, watchers)
         summary = run_replay(
@@ -60,6 +72,10 @@ def replay(arguments: argparse.Namespace) -> int:
     if curves is not None:
         curves.save(arguments.out / "existence.png")
     _print(summary, config, arguments.out, time.perf_counter() - started)
+    if shadow is not None:
+        shadow.save(arguments.out / "shadow.json")
+        for state in shadow.states():
+            print("\n".join(lines_of(state)))  # noqa: T201
     return 0
 
 

@@ -9,12 +9,14 @@ import sys
 from service.cli.common import Commands, add_command
 from service.config import schema as config_schema
 from service.messages import AlarmEvent, Heartbeat, Level, Record, StateLine, StateMessage
+from service.shadow.record import ShadowState
 
 _MESSAGES: dict[str, type[Record]] = {
     "alarm": AlarmEvent,
     "state": StateMessage,
     "heartbeat": Heartbeat,
     "level": Level,
+    "shadow": ShadowState,
     "replay": StateLine,
 }
 

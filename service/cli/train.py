@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from service.cli.refine import archive_of, keep_footage
 from service.config import load
 from service.labels import read_labels
 from service.recordings import read_frames
@@ -37,6 +38,9 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
     parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
+    parser.add_argument(
+        "--shadow", action="store_true", help="run it in shadow beside the prior in use, which stays"
+    )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw what was learned")
 
 
@@ -51,8 +55,9 @@ def train(arguments: argparse.Namespace) -> int:
     with progress("reading", length) as advance:
         trained = run_training(roi, frames, boxes, arguments.labels, arguments.video.name, advance)
     stored = PriorStore(config.store.path, config.store.keep_priors).save(
-        trained.as_prior(camera.id, roi, arguments.video.name, datetime.now(UTC))
+        trained.as_prior(camera.id, roi, arguments.video.name, datetime.now(UTC)), shadow=arguments.shadow
     )
+    keep_footage(archive_of(config, camera.id, roi), arguments.video, arguments.labels)
     for warning in trained.warnings:
         sys.stderr.write(f"lumpwatch: warning: {warning}\n")
     _print(trained, stored)

@@ -11,6 +11,7 @@ from service.config.base import Id, PositiveSeconds, Strict, Unit
 from service.config.calibration import CalibrationConfig
 from service.config.detector import DetectorConfig
 from service.config.jdt import JdtConfig
+from service.config.learning import LearningConfig
 from service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
@@ -61,6 +62,8 @@ class RoiConfig(Strict):
     """Where the belt lies, for sizes in millimetres; left out: sizes are judged by what training saw."""
     alarm: AlarmConfig = AlarmConfig()
     """Thresholds and delays of the alarm."""
+    learning: LearningConfig = LearningConfig()
+    """Refining the prior while the daemon runs."""
 
     @field_validator("polygon")
     @classmethod

@@ -1,15 +1,19 @@
 """The store of priors: numbered versions of each ROI's prior, and which one is in use.
 
     <store>/priors/<camera>/<roi>/000001.prior, 000002.prior, …
-    <store>/priors/<camera>/<roi>/current          the number in use, as text
+    <store>/priors/<camera>/<roi>/current          the number in use, as text; 0: the stated defaults
+    <store>/priors/<camera>/<roi>/shadow           the number that is tried in shadow, while one is
+    <store>/priors/<camera>/<roi>/000002.trial     this version has never been in use
 
-Every file appears whole or not at all. A version that cannot be read is passed over for the newest
-older one, and the problem is reported.
+Every file appears whole or not at all. A version in use that cannot be read is passed over for the
+newest older one that has been in use, and the problem is reported. What was only ever tried in shadow
+is never taken by itself.
 """
 
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +22,7 @@ from service.store import atomic
 from service.store.prior import MAX_BYTES, Prior, PriorError, decode, encode
 
 _SUFFIX = ".prior"
+_TRIAL = ".trial"
 
 
 class StoreError(LumpwatchError):
@@ -76,18 +81,30 @@ class PriorStore:
         return prior.with_version(version)
 
     def pointer(self, camera: str, roi: str) -> int | None:
-        """The version that is set to be used, None where none is set or the pointer is unreadable."""
-        try:
-            text = (self.folder(camera, roi) / "current").read_text(encoding="ascii", errors="replace")
-        except OSError:
-            return None
-        return int(text) if text.strip().isdigit() else None
+        """The version that is set to be used, None where none is set or the pointer is unreadable.
+
+        0: the stated defaults.
+        """
+        return _number(self.folder(camera, roi) / "current")
+
+    def shadow_pointer(self, camera: str, roi: str) -> int | None:
+        """The version that is to run in shadow; None where none is, or where it is in use already."""
+        wanted = _number(self.folder(camera, roi) / "shadow")
+        return None if wanted == self.pointer(camera, roi) else wanted
+
+    def untried(self, camera: str, roi: str, version: int) -> bool:
+        """Whether a version has never been in use."""
+        return self._mark(camera, roi, version).exists()
 
     def current(self, camera: str, roi: str) -> Found:
         """The prior in use; a version that cannot be read falls back to the newest older one."""
         versions = self.versions(camera, roi)
         wanted = self.pointer(camera, roi)
-        candidates = [v for v in reversed(versions) if wanted is None or v <= wanted]
+        if wanted == 0:
+            return Found(None)
+        older = [v for v in reversed(versions) if wanted is None or v < wanted]
+        candidates = [wanted] if wanted in versions else []
+        candidates += [v for v in older if not self.untried(camera, roi, v)]
         problems: list[str] = []
         if wanted is not None and wanted not in versions:
             problems.append(f"{self.path(camera, roi, wanted)}: the version in use is missing")
@@ -98,42 +115,143 @@ class PriorStore:
                 problems.append(str(error))
         return Found(None, tuple(problems))
 
-    def save(self, prior: Prior) -> Prior:
-        """Store a prior as the newest version and use it; old versions beyond `keep` are removed.
+    def shadow(self, camera: str, roi: str) -> Found:
+        """The prior to run in shadow; nothing stands in for one that cannot be read."""
+        version = self.shadow_pointer(camera, roi)
+        if version is None:
+            return Found(None)
+        try:
+            return Found(self.load(camera, roi, version))
+        except PriorError as error:
+            return Found(None, (str(error),))
+
+    def save(self, prior: Prior, *, shadow: bool = False) -> Prior:
+        """Store a prior as the newest version, to be used or to run in shadow; see `keep`.
 
         Raises StoreError; what was stored before stays as it was.
         """
         camera, roi = prior.meta.camera, prior.meta.roi
         folder = self.folder(camera, roi)
         content = encode(prior)
-        try:
+        with _writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             version = max(self.versions(camera, roi), default=0) + 1
-            while not atomic.write_new(self.path(camera, roi, version), content):
+            while not self._write_new(camera, roi, version, content, shadow):
                 version += 1  # another process stored one in the meantime
-            atomic.replace(folder / "current", f"{version}\n".encode())
-        except OSError as error:
-            raise StoreError(f"{folder}: cannot be written ({error.strerror})") from error
+        if shadow:
+            self._point(camera, roi, "shadow", version)
+        else:
+            self._take(camera, roi, version)
         self._remove_old(camera, roi)
         return prior.with_version(version)
 
     def use(self, camera: str, roi: str, version: int) -> Prior:
         """Set a stored version to be used (roll back); raises PriorError, StoreError."""
-        if version not in self.versions(camera, roi):
-            raise StoreError(f"camera {camera}, roi {roi}: there is no version {version} of its prior")
-        prior = self.load(camera, roi, version)
-        try:
-            atomic.replace(self.folder(camera, roi) / "current", f"{version}\n".encode())
-        except OSError as error:
-            raise StoreError(f"{self.folder(camera, roi)}: cannot be written ({error.strerror})") from error
+        prior = self._stored(camera, roi, version)
+        self._take(camera, roi, version)
         return prior
 
+    def use_defaults(self, camera: str, roi: str) -> None:
+        """Use no prior but the stated defaults, until one is stored, promoted or gone back to."""
+        with _writing(self.folder(camera, roi)):
+            self.folder(camera, roi).mkdir(parents=True, exist_ok=True)
+        self._take(camera, roi, 0)
+
+    def set_shadow(self, camera: str, roi: str, version: int) -> Prior:
+        """Run a stored version in shadow; raises PriorError, StoreError."""
+        prior = self._stored(camera, roi, version)
+        if version == self.pointer(camera, roi):
+            raise StoreError(f"camera {camera}, roi {roi}: version {version} is in use, not in shadow")
+        self._point(camera, roi, "shadow", version)
+        return prior
+
+    def promote(self, camera: str, roi: str, version: int | None = None) -> Prior:
+        """Use what runs in shadow, which must be `version` where one is given. Raises PriorError, StoreError."""
+        return self.use(camera, roi, self._in_shadow(camera, roi, version))
+
+    def drop_shadow(self, camera: str, roi: str, version: int | None = None) -> int:
+        """Run nothing in shadow any more; the version, which stays in the store. Raises StoreError."""
+        dropped = self._in_shadow(camera, roi, version)
+        with _writing(self.folder(camera, roi)):
+            (self.folder(camera, roi) / "shadow").unlink(missing_ok=True)
+        return dropped
+
+    def _stored(self, camera: str, roi: str, version: int) -> Prior:
+        if version not in self.versions(camera, roi):
+            raise StoreError(f"camera {camera}, roi {roi}: there is no version {version} of its prior")
+        return self.load(camera, roi, version)
+
+    def _in_shadow(self, camera: str, roi: str, version: int | None) -> int:
+        found = self.shadow_pointer(camera, roi)
+        if found is None:
+            raise StoreError(f"camera {camera}, roi {roi}: no prior runs in shadow")
+        if version not in (None, found):
+            raise StoreError(f"camera {camera}, roi {roi}: version {found} runs in shadow, not {version}")
+        return found
+
+    def _write_new(self, camera: str, roi: str, version: int, content: bytes, trial: bool) -> bool:
+        """Write a version, marked before it is there; False where the number is taken."""
+        path, mark = self.path(camera, roi, version), self._mark(camera, roi, version)
+        if not trial:
+            return atomic.write_new(path, content)
+        if path.exists() or not atomic.write_new(mark, b""):
+            return False
+        if atomic.write_new(path, content):
+            return True
+        mark.unlink(missing_ok=True)
+        return False
+
+    def _take(self, camera: str, roi: str, version: int) -> None:
+        """Use a version. A process that dies on the way leaves either the old one in use or the new one."""
+        before = self.pointer(camera, roi)
+        if before is not None:
+            self._adopt(camera, roi, before)  # what a process that died may have left undone
+        self._point(camera, roi, "current", version)
+        self._adopt(camera, roi, version)
+
+    def _adopt(self, camera: str, roi: str, version: int) -> None:
+        """A version that is in use is neither on trial nor in shadow."""
+        with _writing(self.folder(camera, roi)):
+            self._mark(camera, roi, version).unlink(missing_ok=True)
+            if _number(self.folder(camera, roi) / "shadow") == version:
+                (self.folder(camera, roi) / "shadow").unlink(missing_ok=True)
+
+    def _point(self, camera: str, roi: str, name: str, version: int) -> None:
+        folder = self.folder(camera, roi)
+        with _writing(folder):
+            atomic.replace(folder / name, f"{version}\n".encode())
+
+    def _mark(self, camera: str, roi: str, version: int) -> Path:
+        return self.path(camera, roi, version).with_suffix(_TRIAL)
+
     def _remove_old(self, camera: str, roi: str) -> None:
-        in_use = self.pointer(camera, roi)
-        for version in self.versions(camera, roi)[: -self.keep]:
-            if version != in_use:
-                with contextlib.suppress(OSError):
-                    self.path(camera, roi, version).unlink()
+        """Down to `keep`: first what has never been in use, then the oldest; not what is in use or in shadow."""
+        versions = self.versions(camera, roi)
+        needed = (self.pointer(camera, roi), self.shadow_pointer(camera, roi))
+        spare = [version for version in versions if version not in needed]
+        spare.sort(key=lambda version: not self.untried(camera, roi, version))
+        for version in spare[: max(0, len(versions) - self.keep)]:
+            with contextlib.suppress(OSError):
+                self.path(camera, roi, version).unlink()
+                self._mark(camera, roi, version).unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Raises StoreError naming the folder for what the disk refuses."""
+    try:
+        yield
+    except OSError as error:
+        raise StoreError(f"{folder}: cannot be written ({error.strerror})") from error
+
+
+def _number(path: Path) -> int | None:
+    """The number in a file, None where there is none."""
+    try:
+        text = path.read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return None
+    return int(text) if text.strip().isdigit() else None
 
 
 def check_owner(prior: Prior, camera: str, roi: str, name: str) -> None:

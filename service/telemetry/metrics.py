@@ -11,6 +11,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from service.alarms import Alarm, AlarmClass, Change, Transition
 from service.detection import Detection
 from service.messages import Decision
+from service.telemetry.shadow import ShadowMetrics
 
 _BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
@@ -107,6 +108,7 @@ class MonitorMetrics(_FrameMetrics):
 
     def __init__(self, registry: CollectorRegistry, camera: str, rois: tuple[str, ...]) -> None:
         super().__init__(registry, camera)
+        self.shadows = ShadowMetrics(registry, camera, rois)
         labels = ("camera", "roi")
 
         def gauge(name: str, text: str) -> Gauge:

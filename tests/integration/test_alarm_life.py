@@ -119,8 +119,9 @@ class Site:
 
 
 @contextmanager
-def running(folder: Path, **alarm: Any) -> Iterator[Site]:
+def running(folder: Path, learning: dict[str, Any] | None = None, **alarm: Any) -> Iterator[Site]:
     camera = site_tree()["cameras"][0]
+    camera["rois"][0]["learning"] = learning or {}
     camera["rois"][0]["alarm"] |= alarm
     daemon = Daemon(folder, f"  - {json.dumps(camera)}\n")
     daemon.roles = ("--only", "monitor")
