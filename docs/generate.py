@@ -12,9 +12,10 @@ from pydantic import BaseModel
 
 from service.cli import parser
 from service.config import SiteConfig
-from service.messages import AlarmEvent, Heartbeat, Level, StateLine, StateMessage
-from service.shadow.record import ShadowState
+from service.contract import MESSAGES, asyncapi
+from service.messages import StateLine
 from service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
+from service.telemetry.proof import ProofMetrics
 
 HERE = Path(__file__).parent / "reference"
 NOTE = "<!-- Written by `make docs` from the code; edit the code instead. -->\n"
@@ -37,7 +38,7 @@ def config_page() -> str:
 def messages_page() -> str:
     """Every field of the messages on the bus and of the replay's lines."""
     parts = [f"{NOTE}\n# Messages\n", "JSON. `lumpwatch schema alarm` and the like print the JSON Schemas.\n"]
-    for model in (AlarmEvent, StateMessage, Heartbeat, Level, ShadowState, StateLine):
+    for model in MESSAGES.values():
         schema = model.model_json_schema(mode="serialization")
         parts.append(_model(model.__name__, schema, _summary(model)))
         parts += [
@@ -55,6 +56,7 @@ def metrics_page() -> str:
     CameraMetrics(registry, "c")
     shared = CollectorRegistry()
     MonitorMetrics(shared, "c", ("r",))
+    ProofMetrics(shared, "c", ("r",))
     rows = ["| metric | type | meaning |", "|---|---|---|"]
     families = {family.name: family for source in (registry, shared) for family in source.collect()}
     for _, family in sorted(families.items()):
@@ -85,6 +87,7 @@ def pages() -> dict[Path, str]:
         HERE / "messages.md": messages_page(),
         HERE / "metrics.md": metrics_page(),
         HERE / "commands.md": commands_page(),
+        HERE / "asyncapi.yaml": f"# {NOTE[5:-5]}\n{asyncapi.text()}",
     }
 
 

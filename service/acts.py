@@ -18,6 +18,14 @@ from service.alarms import (
 )
 from service.bus.keys import Kind
 from service.pipeline import Act, all_of
+from service.requests import (
+    AckRequest,
+    Request,
+    ServiceRequest,
+    ShelveRequest,
+    SuppressRequest,
+    UnshelveRequest,
+)
 
 Parameters = dict[str, str]
 _LONGEST = 128, 500
@@ -42,14 +50,14 @@ def read(parameters: Parameters, payload: bytes | None) -> Parameters:
 
 def act_of(kind: Kind, parameters: Parameters) -> tuple[AlarmClass, Act]:
     """Which alarm is meant, and what is to be done to it. Raises AlarmRequestError."""
-    needed, make = _KINDS[kind]
-    if unknown := sorted(set(parameters) - needed - {"class"}):
-        raise AlarmRequestError(
-            f"{unknown[0]}: is no parameter of {kind} (has {', '.join(sorted(needed))}, class)"
-        )
+    model, make = _KINDS[kind]
+    names = model.names()
+    if unknown := sorted(set(parameters) - names):
+        has = ", ".join([*sorted(names - {"class"}), "class"])
+        raise AlarmRequestError(f"{unknown[0]}: is no parameter of {kind} (has {has})")
     wanted = parameters.get("class", AlarmClass.LUMP.value)
     if wanted not in tuple(AlarmClass):
-        raise AlarmRequestError(f"class: '{wanted}' is neither lump nor blind")
+        raise AlarmRequestError(f"class: '{wanted}' is none of {', '.join(AlarmClass)}")
     return AlarmClass(wanted), make(parameters)
 
 
@@ -108,10 +116,10 @@ def _suppress(parameters: Parameters) -> Act:
     return lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, signal, valid_s))
 
 
-_KINDS: dict[Kind, tuple[set[str], Callable[[Parameters], Act]]] = {
-    Kind.ACK: ({"actor"}, _acknowledge),
-    Kind.SHELVE: ({"actor", "reason", "for_s"}, _shelve),
-    Kind.UNSHELVE: ({"actor"}, _unshelve),
-    Kind.SERVICE: ({"actor", "reason", "state"}, _service),
-    Kind.SUPPRESS: ({"signal", "valid_s"}, _suppress),
+_KINDS: dict[Kind, tuple[type[Request], Callable[[Parameters], Act]]] = {
+    Kind.ACK: (AckRequest, _acknowledge),
+    Kind.SHELVE: (ShelveRequest, _shelve),
+    Kind.UNSHELVE: (UnshelveRequest, _unshelve),
+    Kind.SERVICE: (ServiceRequest, _service),
+    Kind.SUPPRESS: (SuppressRequest, _suppress),
 }

@@ -32,10 +32,16 @@ from service.errors import LumpwatchError
 
 
 class AlarmClass(StrEnum):
-    """What an alarm is about; each ROI has one of each."""
+    """What an alarm is about; each ROI has one of each.
+
+    The rules of a class stand in the configuration under its name; everything else (event log, metrics,
+    requests, states) goes by this list.
+    """
 
     LUMP = "lump"
     BLIND = "blind"
+    SYSTEM = "system"
+    """The ROI judges, but not as well as it must: too late, or a proof test has failed."""
 
 
 class AlarmState(StrEnum):
@@ -79,7 +85,7 @@ class AlarmRequestError(LumpwatchError):
 
 
 class Rules(Protocol):
-    """What the machine needs of a configuration; AlarmConfig and BlindAlarmConfig have it."""
+    """What the machine needs of a configuration; the models in `service.config.alarm` have it."""
 
     @property
     def raise_above(self) -> float: ...  # noqa: D102
@@ -206,6 +212,14 @@ def tick(alarm: Alarm, config: Rules, time_s: float) -> Changed:
         again = replace(alarm, announced_s=time_s)
         return again, (*made, _told(Change.RE_ALARMED, alarm, again, time_s))
     return alarm, made
+
+
+def announce_again(alarm: Alarm, time_s: float) -> tuple[Alarm, Transition | None]:
+    """The alarm when the condition holds for one more reason; no transition where it is not announced."""
+    if not alarm.active or alarm.held:
+        return alarm, None
+    after = replace(alarm, waits=True, announced_s=time_s, actor=None)
+    return after, _told(Change.RE_ALARMED, alarm, after, time_s)
 
 
 def acknowledge(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transition | None]:

@@ -10,11 +10,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from service.alarms import AlarmClass
 from service.bus.bus import Bus
 from service.bus.keys import Keys
 from service.bus.messages import Publisher
+from service.bus.ordered import Message
 from service.config import CameraConfig
+from service.heartbeat import VALID_S
+from service.latency import LatencyWatch
 from service.pipeline import RoiResult
 from service.report import Clocks, alarm_event, level, state_message
 from service.store.event_writer import EventWriter
@@ -23,8 +25,6 @@ from service.telemetry.metrics import MonitorMetrics
 
 log = logging.getLogger(__name__)
 
-VALID_S = 3.0
-"""Levels and heartbeats that are older say nothing any more."""
 LEVEL_EVERY_S = 0.5
 """How often a level that has not changed is sent."""
 
@@ -52,48 +52,89 @@ class Announcer:
         self._states: dict[str, Publisher] = {}
         self._alarms: dict[str, Publisher] = {}
         self._levels: dict[str, Publisher] = {}
+        self._latency = {roi.id: LatencyWatch(camera.latency) for roi in camera.rois}
         self._level_sent: dict[str, tuple[bytes, float]] = {}
         keys = Keys(site)
         for roi in camera.rois:
             self._states[roi.id] = bus.publisher(keys.state(camera.id, roi.id))
             self._levels[roi.id] = bus.publisher(keys.level(camera.id, roi.id))
-            self._alarms[roi.id] = bus.alarm_publisher(keys.alarm(camera.id, roi.id))
+            key = keys.alarm(camera.id, roi.id)
+            self._alarms[roi.id] = bus.alarm_publisher(key, self._past(roi.id, key))
         self._sequences = {roi.id: 0 for roi in camera.rois} | events.sequences()
 
     def sequence(self, roi: str) -> int:
         """That of the ROI's last alarm record."""
         return self._sequences[roi]
 
+    def late(self, roi: str) -> bool:
+        """Whether the ROI's decisions have used up their latency budget for too long."""
+        return self._latency[roi].exhausted(self._clocks().monotonic_s)
+
     def send_again(self) -> None:
         """What the last process may not have brought onto the bus."""
-        for roi, _, record in self._events.unpublished:
+        past = {(one.roi, one.id): one for one in self._events.records}
+        for roi, number, record in self._events.unpublished:
             if roi in self._alarms:
-                self._alarms[roi].put(record)
+                known = past.get((roi, number))
+                if known is None or not known.publisher:
+                    self._alarms[roi].put(record)
+                else:  # under the old name: who has had it does not get it twice
+                    self._alarms[roi].put(record, known.number, known.publisher)
         if self._events.unpublished:
             self._events.published([(roi, number) for roi, number, _ in self._events.unpublished])
+
+    def _past(self, roi: str, key: str) -> list[Message]:
+        """What former processes have sent."""
+        waiting = {(where, number) for where, number, _ in self._events.unpublished}
+        return [
+            Message(key, one.record, one.publisher, one.number)
+            for one in self._events.records
+            if one.roi == roi and one.publisher and (roi, one.id) not in waiting
+        ]
 
     def announce(self, results: tuple[RoiResult, ...]) -> None:
         """Write and send the changes, then the states."""
         clocks = self._clocks()
+        for result in results:
+            if result.decided:
+                self._time(result, clocks.monotonic_s)
         entries = [entry for result in results for entry in self._entries(result, clocks)]
         if entries:
             self._events.write(entries)
             for entry in entries:
-                self._alarms[entry.event.roi].put(entry.record)
+                self._alarms[entry.event.roi].put(entry.record, entry.event.sequence)
             self._events.published([(entry.event.roi, entry.event.id) for entry in entries])
         for result in results:
             sequence = self._sequences[result.roi]
             message = state_message(result, self._site, self._camera, clocks, sequence)
             self._states[result.roi].put(message.line())
             self._send_level(result.roi, level(result, sequence, VALID_S).line(), clocks.monotonic_s)
-            alarms = {AlarmClass.LUMP: result.alarm, AlarmClass.BLIND: result.blind_alarm}
-            self._metrics.state(result.roi, result.decision, result.existence, alarms)
+            self._metrics.state(result.roi, result.decision, result.existence, result.alarms)
+
+        took_s = self._clocks().monotonic_s - clocks.monotonic_s
+        for result in results:
+            if result.decided:
+                self._latency[result.roi].published(took_s)
+
+    def _time(self, result: RoiResult, now_s: float) -> None:
+        watch = self._latency[result.roi]
+        watch.decided(result, now_s)
+        if watch.last is not None:
+            self._metrics.latency(result.roi, watch.last)
 
     def _entries(self, result: RoiResult, clocks: Clocks) -> list[Entry]:
         entries = []
         for change in result.changes:
             self._sequences[result.roi] += 1
-            made = alarm_event(result, change, self._site, self._camera, self._sequences[result.roi], clocks)
+            made = alarm_event(
+                result,
+                change,
+                self._site,
+                self._camera,
+                self._sequences[result.roi],
+                clocks,
+                latency=self._latency[result.roi].last,
+            )
             told = change.transition
             event = Event(
                 clocks.wall_s,
@@ -113,7 +154,7 @@ class Announcer:
                 made.data.sequence,
                 change.alarm,
             )
-            entries.append(Entry(event, made.line()))
+            entries.append(Entry(event, made.line(), self._alarms[result.roi].name))
             self._metrics.transition(result.roi, change.alarm_class, told)
             log.warning(
                 "%s/%s: %s alarm %s%s (existence %.2f, frame %d)",

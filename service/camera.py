@@ -18,6 +18,7 @@ from service.frames import Frame
 from service.link import WorkerLink
 from service.logs import log_to_stderr
 from service.planes import reduced
+from service.proof.blender import Blender
 from service.sources.base import Fault
 from service.sources.make import make_source
 from service.sources.reconnect import Reconnecting
@@ -39,6 +40,9 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
             publisher = bus.frame_publisher(
                 keys.frame(camera_id), keys.jpeg(camera_id), camera.wire.jpeg_quality
             )
+            blender = Blender(camera)
+            tests = bus.frame_publisher(keys.test_frame(camera_id))
+            bus.serve(keys.blend(camera_id), blender.request)
             bus.alive(keys.alive("camera", camera_id))
             source = Reconnecting(
                 make_source(
@@ -61,6 +65,8 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
                 whole = frame if publisher.picture_wanted else None
                 publisher.publish(reduce(frame), camera.wire.encoding, whole)
                 metrics.stage("publish", "", time.perf_counter() - started)
+                if (with_lump := blender.frame(frame)) is not None:
+                    tests.publish(reduce(with_lump), camera.wire.encoding)
             if not link.stop.is_set():
                 log.warning("camera %s: %s has ended", camera_id, camera.source.redacted)
                 metrics.failed(Fault.ENDED)

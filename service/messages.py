@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
-from service.alarms import AlarmClass, Change
+from service.alarms import AlarmClass, AlarmState, Change
 from service.config.alarm import Priority
 
 
@@ -27,6 +27,28 @@ class BlindReason(StrEnum):
     NO_STREAM = "no_stream"
     STALE = "stale"
     FILTER = "filter"
+
+
+class Trouble(StrEnum):
+    """Why a ROI does not judge as well as it must: the reasons of the system alarm."""
+
+    LATENCY = "latency"
+    """Decisions have come later than the camera's budget allows."""
+    PROOF_TEST = "proof_test"
+    """The last proof test failed."""
+    PROOF_OVERDUE = "proof_overdue"
+    """The proof tests that the configuration asks for have not come to a result for too long."""
+
+
+class LipReason(StrEnum):
+    """Why the seconds until the lip are not known."""
+
+    UNCALIBRATED = "uncalibrated"
+    """The ROI has no calibration."""
+    NO_OBJECT = "no_object"
+    """No object is located."""
+    NOT_MOVING = "not_moving"
+    """No object moves towards the lip, or none lies on the belt."""
 
 
 class Record(BaseModel):
@@ -125,6 +147,23 @@ class Timing(Record):
     """Seconds from capture to decision, by the monotonic clock."""
 
 
+class Latency(Record):
+    """What the way of a frame took, stage by stage, seconds; their sum is `total_s`."""
+
+    receive_s: float
+    """From capture to the decoded picture in the camera's process."""
+    bus_s: float
+    """From there, over the bus, until the monitor took it."""
+    decision_s: float
+    """From there to the decision: cut and filter of all ROIs of the camera."""
+    publish_s: float
+    """What bringing the result before it onto the bus took: its own cannot be known while it is written."""
+    total_s: float
+    """From capture to publication."""
+    budget_s: float
+    """What the camera's configuration allows."""
+
+
 class StateMessage(StateLine):
     """The state of a ROI on the bus."""
 
@@ -135,6 +174,8 @@ class StateMessage(StateLine):
     SHELVED, SUPPRESSED, OUT_OF_SERVICE."""
     blind_alarm: str = "NORMAL"
     """State of the blind alarm, in the same words."""
+    alarms: dict[AlarmClass, AlarmState] = Field(default_factory=dict)
+    """State of each class of alarm."""
     sequence: int = 0
     """Sequence of the ROI's last alarm record; 0: there was none."""
     reason: BlindReason | None = None
@@ -152,10 +193,14 @@ class Level(Record):
     """1 while the condition of the lump alarm is active, whether it is announced or not."""
     blind: Literal[0, 1]
     """1 while the ROI cannot judge."""
+    system: Literal[0, 1] = 0
+    """1 while the condition of the system alarm is active: decisions come late, or a proof test failed."""
     alarm: str
     """State of the lump alarm."""
     blind_alarm: str
     """State of the blind alarm."""
+    system_alarm: str = "NORMAL"
+    """State of the system alarm."""
     sequence: int
     """Sequence of the ROI's last alarm record; 0: there was none."""
     valid_s: float
@@ -176,7 +221,7 @@ class AlarmData(Record):
         validation_alias=AliasChoices("class", "alarm_class"),
         serialization_alias="class",
     )
-    """`lump`, or `blind`: the ROI cannot judge."""
+    """`lump`; `blind`: the ROI cannot judge; or `system`: it judges, but too late, or a proof test failed."""
     priority: Priority = "high"
     """How soon an operator must respond."""
     sequence: int = 0
@@ -196,19 +241,27 @@ class AlarmData(Record):
     oversize: float | None = None
     """Probability that a lump above the limit is there, which the alarm judges; null without a calibration."""
     lip_s: float | None = None
-    """Seconds until the first lump reaches the lip; null where that is not known."""
+    """Seconds from the capture until the first lump reaches the lip; null where that is not known."""
+    left_s: float | None = None
+    """Seconds that are left from `time` until then: `lip_s` less what the decision took."""
+    lip_reason: LipReason | None = None
+    """Why `lip_s` is null."""
     objects: tuple[ObjectRecord, ...] = ()
     """The estimate."""
     timing: Timing | None = None
     """Capture and decision time."""
+    latency: Latency | None = None
+    """What each stage took; null where no frame has been decided, and in a replay."""
     actor: str | None = None
     """Who did it; null: the machine."""
     reason: str | None = None
-    """Why: as the operator said, the plant's signal, or what makes the ROI blind."""
+    """Why: as the operator said, the plant's signal, what makes the ROI blind, or what the system suffers from."""
     until: datetime | None = None
     """When the hold that begins ends by itself (UTC)."""
     prior: int = 0
     """Version of the prior in use."""
+    test: bool = False
+    """Whether this is the alarm of a proof test; such records appear on the test key only."""
 
 
 class AlarmEvent(Record):
@@ -239,10 +292,14 @@ class RoiBeat(Record):
     """CLEAR, LUMP or BLIND."""
     decided_ago_s: float | None
     """Seconds since the last decision on a frame; null: none yet."""
+    decided: datetime | None = None
+    """Wall clock (UTC) of that decision."""
+    valid: bool
+    """Whether `state` may be trusted: it is BLIND, or was decided within the camera's `blind_after_s`."""
 
 
 class Heartbeat(Record):
-    """Sent once a second by the monitor of a camera; trust nothing older than `valid_s`."""
+    """Sent once a second by the monitor of a camera; trust nothing older than `valid_s`, nor one that is not valid."""
 
     site: str
     """Site id."""
@@ -253,7 +310,9 @@ class Heartbeat(Record):
     time: datetime
     """Wall clock (UTC)."""
     valid_s: float
-    """A consumer that hears nothing for longer goes to its safe state."""
+    """A consumer that hears nothing for longer, by its own monotonic clock, goes to its safe state."""
+    valid: bool
+    """False: decisions have stopped though the process lives; as if no heartbeat had come."""
     rois: dict[str, RoiBeat] = Field(default_factory=dict)
     """Each ROI."""
 

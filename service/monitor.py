@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 import time
 from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import Connection
 
 from prometheus_client import CollectorRegistry
 
 from service.acts import act_of, read
-from service.alarms import AlarmClass, AlarmRequestError, Change
-from service.announcer import VALID_S, Announcer
+from service.alarms import AlarmRequestError, Change
+from service.announcer import Announcer
 from service.bus.bus import Bus
 from service.bus.errors import BusClosed
 from service.bus.keys import Keys, Kind
@@ -22,18 +22,23 @@ from service.bus.session import host_clock, open_client
 from service.config import SiteConfig
 from service.errors import LumpwatchError
 from service.frames import Frame
+from service.heartbeat import LastDecision, heartbeat
 from service.link import WorkerLink
 from service.logs import log_to_stderr
-from service.messages import Heartbeat, RoiBeat, utc
+from service.messages import Trouble
 from service.pipeline import CameraPipeline, RoiResult
 from service.prior_watch import PriorWatch
+from service.proof.chain import ProofTest, Site
+from service.proof.keeper import ProofKeeper
 from service.report import Clocks
+from service.requests import ActReply
 from service.shadow.desk import ShadowDesk
 from service.sources.timing import StreamClock
 from service.store.event_writer import EventWriter
-from service.store.prior import encode
+from service.store.prior import Prior, encode
 from service.store.priors import PriorStore
 from service.telemetry.metrics import MonitorMetrics
+from service.telemetry.proof import ProofMetrics
 
 log = logging.getLogger(__name__)
 
@@ -48,11 +53,12 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     registry = CollectorRegistry()
     link = WorkerLink(connection, registry)
     camera = config.camera(camera_id)
-    metrics = MonitorMetrics(registry, camera_id, tuple(roi.id for roi in camera.rois))
+    rois = tuple(roi.id for roi in camera.rois)
+    metrics, proofs = MonitorMetrics(registry, camera_id, rois), ProofMetrics(registry, camera_id, rois)
     events = EventWriter(config.store.path, camera_id, metrics, time.time)
     try:
         with open_client(config.bus, link.stop) as bus:
-            Monitor(config, camera_id, bus, link, metrics, events).run()
+            Monitor(config, camera_id, bus, link, metrics, events, proofs).run()
     except BusClosed:
         pass  # told to stop before the hub was there
     finally:
@@ -71,6 +77,7 @@ class Monitor:
         link: WorkerLink,
         metrics: MonitorMetrics,
         events: EventWriter,
+        proofs: ProofMetrics,
     ) -> None:
         self._site = config.site
         self._camera = config.camera(camera_id)
@@ -89,6 +96,9 @@ class Monitor:
         self._keys = Keys(config.site)
         self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
         self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
+        clocks = lambda: Clocks(time.monotonic(), time.time())  # noqa: E731
+        test = ProofTest(config.site, self._camera, bus, self._watched())
+        self._proofs = ProofKeeper(self._camera, config.store.path, test.run, proofs, clocks)
         self._announcer = Announcer(
             config.site,
             self._camera,
@@ -96,7 +106,7 @@ class Monitor:
             events,
             metrics,
             host_clock(),
-            lambda: Clocks(time.monotonic(), time.time()),
+            clocks,
         )
         self._shadows = ShadowDesk(
             config.site, self._camera, store, config.store.poll_s, bus, metrics.shadows
@@ -111,6 +121,7 @@ class Monitor:
     def run(self) -> None:
         """Until the link says stop."""
         self._announcer.send_again()
+        self._tell_troubles()
         self._publish(self._pipeline.look(time.monotonic()))
         for roi in self._camera.rois:
             self._serve(roi.id)
@@ -140,6 +151,8 @@ class Monitor:
                     self._send_heartbeat(now)
                     self._count_inbox()
                     self._look_for_priors(now)
+                    self._proofs.look()
+                    self._tell_troubles()
                     beat_s = now
             # Behind everything else and outside the lock: what a shadow does can only be late.
             self._shadows.follow(results, time.monotonic() - now)
@@ -158,6 +171,26 @@ class Monitor:
             self._bus.serve(key(self._camera.id, roi), self._act(kind, roi))
         self._bus.subscribe(self._keys.suppress(self._camera.id, roi), self._suppressor(roi))
         self._bus.serve(self._keys.prior(self._camera.id, roi), self._prior_reader(roi))
+        self._bus.serve(self._keys.proof(self._camera.id, roi), partial(self._proofs.request, roi))
+
+    def _watched(self) -> Site:
+        """What a proof test may know of this chain."""
+
+        def prior(roi: str) -> Prior | None:
+            with self._lock:
+                return self._pipeline.prior(roi)
+
+        return Site(
+            size=lambda: self._pipeline.size,
+            prior=prior,
+            decision=lambda roi: self._decisions[roi].decision,
+            stopped=self._link.stop.is_set,
+        )
+
+    def _tell_troubles(self) -> None:
+        for roi in self._camera.rois:
+            for trouble, present in self._proofs.troubles(roi.id).items():
+                self._pipeline.trouble(roi.id, trouble, present=present)
 
     def _take(self) -> Frame | None:
         """The newest frame, with its times on the clock of this host."""
@@ -175,6 +208,7 @@ class Monitor:
                 now = time.monotonic()
                 self._decided_s[result.roi] = self._link.decided[result.roi] = now
                 self._metrics.decided(result.roi, now - result.frame.received_s, result.detection)
+                self._pipeline.trouble(result.roi, Trouble.LATENCY, present=self._announcer.late(result.roi))
             self._tell_change(result)
             self._decisions[result.roi] = result
 
@@ -186,18 +220,17 @@ class Monitor:
 
     def _send_heartbeat(self, now: float) -> None:
         self._beats += 1
-        rois = {}
-        for roi, result in self._decisions.items():
-            decided = self._decided_s.get(roi)
-            ago = None if decided is None else round(now - decided, 3)
-            rois[roi] = RoiBeat(state=result.decision, decided_ago_s=ago)
-        beat = Heartbeat(
-            site=self._site,
-            camera=self._camera.id,
-            seq=self._beats,
-            time=utc(time.time()),
-            valid_s=VALID_S,
-            rois=rois,
+        rois = {
+            roi: LastDecision(result.decision, self._decided_s.get(roi))
+            for roi, result in self._decisions.items()
+        }
+        beat = heartbeat(
+            self._site,
+            self._camera.id,
+            self._beats,
+            rois,
+            self._camera.blind_after_s,
+            Clocks(now, time.time()),
         )
         self._heartbeat.put(beat.line())
 
@@ -231,17 +264,15 @@ class Monitor:
                 self._metrics.refused(roi, kind.value)
                 raise
             changes = [one.transition.change for one in result.changes if one.alarm_class is alarm_class]
-            alarm = result.alarm if alarm_class is AlarmClass.LUMP else result.blind_alarm
-            answer = {
-                "class": alarm_class.value,
-                "changes": [change.value for change in changes],
-                "alarm": alarm.state.value,
-                "active": alarm.active,
-                "sequence": sequence,
-            }
-            if kind is Kind.ACK:
-                answer["acknowledged"] = Change.ACKNOWLEDGED in changes
-            return json.dumps(answer).encode()
+            alarm = result.alarms[alarm_class]
+            return ActReply(
+                alarm_class=alarm_class,
+                changes=tuple(changes),
+                alarm=alarm.state,
+                active=alarm.active,
+                sequence=sequence,
+                acknowledged=Change.ACKNOWLEDGED in changes if kind is Kind.ACK else None,
+            ).line()
 
         return handle
 

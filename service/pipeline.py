@@ -13,8 +13,18 @@ from time import perf_counter
 from typing import Protocol
 
 from models.roi import make_roi
-from service.alarms import Alarm, AlarmClass, Changed, Rules, Transition, acknowledge, step, tick
-from service.config.alarm import AlarmConfig, BlindAlarmConfig, Priority
+from service.alarms import (
+    Alarm,
+    AlarmClass,
+    Changed,
+    Rules,
+    Transition,
+    acknowledge,
+    announce_again,
+    step,
+    tick,
+)
+from service.config.alarm import AlarmConfig, ConditionAlarmConfig, Priority
 from service.config.cameras import CameraConfig, RoiConfig
 from service.detection import Detection
 from service.detectors.base import Detector
@@ -22,7 +32,7 @@ from service.detectors.filters import DEFAULT_INTERVAL_S
 from service.detectors.make import make_detector
 from service.errors import LumpwatchError
 from service.frames import Frame
-from service.messages import BlindReason, Decision
+from service.messages import BlindReason, Decision, Trouble
 from service.planes import working_colour, working_luma
 from service.sizing import Sizer
 from service.store.prior import Prior
@@ -81,15 +91,24 @@ class RoiResult:
     reason: BlindReason | None
     detection: Detection | None
     existence: float
-    alarm: Alarm
-    """Of class lump."""
+    alarms: Mapping[AlarmClass, Alarm]
     prior: int
     decided: bool
     """Whether this result comes from filtering a new frame."""
-    blind_alarm: Alarm = Alarm()  # noqa: RUF009 - immutable
-    """Of class blind."""
     changes: tuple[AlarmChange, ...] = ()
-    """What happened to both, in order."""
+    """What happened to the alarms, in order."""
+    taken_s: float | None = None
+    """When the pipeline got the frame, on the clock of its `received_s`; None where no frame has come yet."""
+
+    @property
+    def alarm(self) -> Alarm:
+        """Of class lump."""
+        return self.alarms[AlarmClass.LUMP]
+
+    @property
+    def blind_alarm(self) -> Alarm:
+        """Of class blind."""
+        return self.alarms[AlarmClass.BLIND]
 
     @property
     def transition(self) -> Transition | None:
@@ -108,13 +127,16 @@ class _Roi:
     alarms: dict[AlarmClass, Alarm] = field(default_factory=lambda: {one: Alarm() for one in AlarmClass})
     detection: Detection | None = None
     failed: bool = False
+    troubles: frozenset[Trouble] = frozenset()
+    announced: frozenset[Trouble] = frozenset()
+    """Those that its system alarm has been announced for."""
 
     @property
     def version(self) -> int:
         return self.prior.version if self.prior else 0
 
-    def rules(self, alarm_class: AlarmClass) -> AlarmConfig | BlindAlarmConfig:
-        return self.config.alarm if alarm_class is AlarmClass.LUMP else self.config.alarm.blind
+    def rules(self, alarm_class: AlarmClass) -> AlarmConfig | ConditionAlarmConfig:
+        return self.config.alarm.of_class(alarm_class)
 
     def take(self, alarm_class: AlarmClass, changed: Changed) -> tuple[AlarmChange, ...]:
         """The alarm is another one now."""
@@ -143,7 +165,13 @@ class CameraPipeline:
             if roi in self._rois:
                 self._rois[roi].alarms[alarm_class] = alarm
         self._frame: Frame | None = None
+        self._taken_s: float | None = None
         self._size: tuple[int, int] | None = None
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of the pictures; None before the first."""
+        return self._size
 
     def detector(self, roi: str) -> Detector | None:
         """The detector of a ROI, for overlays; None before the first frame."""
@@ -161,12 +189,17 @@ class CameraPipeline:
         if (frame.width, frame.height) != self._size:
             self._fit(frame)
         dt = DEFAULT_INTERVAL_S if last is None else frame.capture_s - last.capture_s
-        self._frame = frame
+        self._frame, self._taken_s = frame, now_s
         return tuple(self._process_roi(roi, frame, dt, now_s) for roi in self._rois.values())
 
     def look(self, now_s: float) -> tuple[RoiResult, ...]:
         """The decision of every ROI without a new frame: BLIND once the last one is too old."""
         return tuple(self._result(roi, (), now_s) for roi in self._rois.values())
+
+    def trouble(self, roi_id: str, what: Trouble, *, present: bool) -> None:
+        """Something keeps a ROI from judging as well as it must, or no longer does: judged with the next result."""
+        roi = self._rois[roi_id]
+        roi.troubles = roi.troubles | {what} if present else roi.troubles - {what}
 
     def acknowledge(
         self, roi_id: str, actor: str, now_s: float, alarm_class: AlarmClass = AlarmClass.LUMP
@@ -264,11 +297,10 @@ class CameraPipeline:
         self, roi: _Roi, changes: tuple[AlarmChange, ...], now_s: float, *, decided: bool = False
     ) -> RoiResult:
         reason = self._blind(roi, now_s)
-        changes += self._judge_blindness(roi, reason, now_s)
+        changes += self._judge_blindness(roi, reason, now_s) + self._judge_system(roi, now_s)
         for alarm_class in AlarmClass:
             changes += roi.take(alarm_class, tick(roi.alarms[alarm_class], roi.rules(alarm_class), now_s))
-        lump = roi.alarms[AlarmClass.LUMP]
-        clear_or_lump = Decision.LUMP if lump.active else Decision.CLEAR
+        clear_or_lump = Decision.LUMP if roi.alarms[AlarmClass.LUMP].active else Decision.CLEAR
         decision = clear_or_lump if reason is None else Decision.BLIND
         existence = roi.detection.existence if roi.detection else 0.0
         return RoiResult(
@@ -278,11 +310,11 @@ class CameraPipeline:
             reason,
             roi.detection,
             existence,
-            lump,
+            dict(roi.alarms),
             roi.version,
             decided,
-            roi.alarms[AlarmClass.BLIND],
             changes,
+            self._taken_s,
         )
 
     def _judge_blindness(
@@ -293,6 +325,18 @@ class CameraPipeline:
         if made is not None and reason is not None:
             made = replace(made, reason=reason.value)
         return roi.take(AlarmClass.BLIND, all_of((alarm, made)))
+
+    def _judge_system(self, roi: _Roi, now_s: float) -> tuple[AlarmChange, ...]:
+        before = roi.alarms[AlarmClass.SYSTEM]
+        rules = roi.rules(AlarmClass.SYSTEM)
+        alarm, made = step(before, rules, 1.0 if roi.troubles else 0.0, now_s)
+        new = roi.troubles - roi.announced
+        if made is None and alarm.active and new and roi.announced:
+            alarm, made = announce_again(alarm, now_s)
+        roi.announced = roi.troubles if alarm.active else frozenset()
+        if made is not None and roi.troubles:
+            made = replace(made, reason=", ".join(sorted(roi.troubles)))
+        return roi.take(AlarmClass.SYSTEM, all_of((alarm, made)))
 
     def _blind(self, roi: _Roi, now_s: float) -> BlindReason | None:
         if self._frame is None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
-from service.alarms import Change
+from service.alarms import AlarmClass, Change
 from service.detection import LumpSize
 from service.messages import (
     AlarmData,
     AlarmEvent,
     Decision,
+    Latency,
     Level,
+    LipReason,
     ObjectRecord,
     SizeRecord,
     StateLine,
@@ -91,6 +93,16 @@ def soonest(result: RoiResult) -> float | None:
     return round(min(times), 2) if times else None
 
 
+def lip_reason(result: RoiResult) -> LipReason | None:
+    """Why the seconds until the lip are not known; None where they are."""
+    if soonest(result) is not None:
+        return None
+    detection = result.detection
+    if detection is None or (not detection.objects and detection.oversize is not None):
+        return LipReason.NO_OBJECT
+    return LipReason.UNCALIBRATED if detection.oversize is None else LipReason.NOT_MOVING
+
+
 def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
     """One line of `states.jsonl`; times count from `start_s`."""
     return StateLine(
@@ -121,6 +133,7 @@ def state_message(
         site=site,
         alarm=result.alarm.state.value,
         blind_alarm=result.blind_alarm.state.value,
+        alarms={one: alarm.state for one, alarm in result.alarms.items()},
         sequence=sequence,
         reason=result.reason,
         timing=clocks.timing(result),
@@ -133,8 +146,10 @@ def level(result: RoiResult, sequence: int, valid_s: float) -> Level:
     return Level(
         lump=1 if result.alarm.active else 0,
         blind=1 if result.decision is Decision.BLIND else 0,
+        system=1 if result.alarms[AlarmClass.SYSTEM].active else 0,
         alarm=result.alarm.state.value,
         blind_alarm=result.blind_alarm.state.value,
+        system_alarm=result.alarms[AlarmClass.SYSTEM].state.value,
         sequence=sequence,
         valid_s=valid_s,
     )
@@ -148,9 +163,13 @@ def alarm_event(
     sequence: int,
     clocks: Clocks,
     start_s: float = 0.0,
+    latency: Latency | None = None,
+    *,
+    test: bool = False,
 ) -> AlarmEvent:
     """The record of one change in a result; `sequence` makes its id unique within the source."""
     transition = change.transition
+    lip_s, timing = soonest(result), clocks.timing(result)
     milliseconds = round(clocks.wall_s * 1000)
     return AlarmEvent(
         id=f"{milliseconds:015d}-{sequence:06d}",
@@ -172,13 +191,17 @@ def alarm_event(
             time_s=_time(result, start_s),
             existence=round(result.existence, 6),
             oversize=oversize(result),
-            lip_s=soonest(result),
+            lip_s=lip_s,
+            left_s=None if lip_s is None or timing is None else round(lip_s - timing.age_s, 2),
+            lip_reason=lip_reason(result),
             objects=objects(result),
-            timing=clocks.timing(result),
+            timing=timing,
+            latency=latency,
             actor=transition.actor,
             reason=transition.reason,
             until=_until(change, clocks),
             prior=result.prior,
+            test=test,
         ),
     )
 

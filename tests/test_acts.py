@@ -61,7 +61,7 @@ def test_the_class_is_lump_unless_said() -> None:
         (Kind.ACK, {}, "actor: is missing"),
         (Kind.ACK, {"actor": "  "}, "actor: is missing"),
         (Kind.ACK, {**ADA, "clas": "blind"}, "clas: is no parameter of ack (has actor, class)"),
-        (Kind.ACK, {**ADA, "class": "dust"}, "class: 'dust' is neither lump nor blind"),
+        (Kind.ACK, {**ADA, "class": "dust"}, "class: 'dust' is none of lump, blind, system"),
         (Kind.SHELVE, {**ADA, "for_s": "60"}, "reason: is missing"),
         (Kind.SHELVE, {**ADA, "reason": "x"}, "for_s: is missing"),
         (Kind.SHELVE, {**ADA, "reason": "x", "for_s": "1h"}, "for_s: '1h' is not a number of seconds"),

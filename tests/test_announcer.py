@@ -12,11 +12,13 @@ from prometheus_client import CollectorRegistry
 
 from service.alarms import AlarmClass
 from service.announcer import LEVEL_EVERY_S, Announcer
+from service.bus.ordered import Message
+from service.detection import Detection, LumpSize
 from service.report import Clocks
-from service.store.events import Entry
+from service.store.events import Entry, KeptRecord
 from service.telemetry.metrics import MonitorMetrics
-from tests.service_helpers import camera
-from tests.test_messages import RESULT, STARTING
+from tests.service_helpers import camera, frame
+from tests.test_messages import FOUND, RESULT, STARTING
 
 STILL = replace(RESULT, changes=())
 
@@ -27,6 +29,8 @@ class World:
     def __init__(self, *, sequences: dict[str, int] | None = None) -> None:
         self.seen: list[tuple[str, Any]] = []
         self.unpublished: list[tuple[str, str, bytes]] = []
+        self.records: list[KeptRecord] = []
+        self.past: list[Message] = []
         self._sequences = sequences or {}
 
     def sequences(self) -> dict[str, int]:
@@ -42,7 +46,9 @@ class World:
     def publisher(self, key: str) -> Channel:
         return Channel(self, key.rpartition("/")[2])
 
-    alarm_publisher = publisher
+    def alarm_publisher(self, key: str, kept: Sequence[Message]) -> Channel:
+        self.past += kept
+        return self.publisher(key)
 
     def of(self, where: str) -> list[Any]:
         return [what for place, what in self.seen if place == where]
@@ -51,12 +57,16 @@ class World:
 class Channel:
     """One key of the bus."""
 
+    name = "5a" * 8
+
     def __init__(self, world: World, name: str) -> None:
         self._world = world
         self._name = name
 
-    def put(self, payload: bytes) -> None:
+    def put(self, payload: bytes, number: int | None = None, publisher: str | None = None) -> None:
         self._world.seen.append((self._name, json.loads(payload)))
+        if publisher is not None:
+            self._world.seen.append(("again", (publisher, number)))
 
 
 class Now:
@@ -149,3 +159,59 @@ def test_a_level_has_all_that_a_gateway_needs(field: str) -> None:
     world = World()
     announcer(world).announce((RESULT,))
     assert field in world.of("level")[0]
+
+
+def test_an_alarm_says_what_each_stage_took_and_why_the_lip_is_not_known() -> None:
+    world, now = World(), Now()
+    announcer(world, now).announce((RESULT,))
+    data = world.of("alarm")[0]["data"]
+    assert data["latency"] == pytest.approx(
+        {
+            "receive_s": 0.02,
+            "bus_s": 0.01,
+            "decision_s": 0.095,
+            "publish_s": 0.0,
+            "total_s": 0.125,
+            "budget_s": 1.0,
+        }
+    )
+    assert (data["lip_s"], data["left_s"], data["lip_reason"]) == (None, None, "uncalibrated")
+
+
+def test_the_seconds_that_are_left_are_those_after_the_decision() -> None:
+    size = LumpSize(speed_m_s=0.4, distance_m=2.0, lip_s=5.0, lip_spread_s=0.2)
+    found = replace(FOUND, size=size)
+    world = World()
+    target = announcer(world)
+    target.announce((replace(RESULT, detection=Detection(0.98, (found,), 850.0, 0.0, 0.9)),))
+    still = replace(found, size=replace(size, lip_s=None))
+    target.announce((replace(RESULT, detection=Detection(0.98, (still,), 850.0, 0.0, 0.9)),))
+    target.announce((replace(RESULT, detection=Detection(0.1, (), 850.0, 0.0, 0.0)),))
+    told = [
+        (one["data"]["lip_s"], one["data"]["left_s"], one["data"]["lip_reason"]) for one in world.of("alarm")
+    ]
+    assert told == [(5.0, 4.88, None), (None, None, "not_moving"), (None, None, "no_object")]
+
+
+def test_what_former_processes_sent_is_there_for_late_joiners_and_keeps_its_name() -> None:
+    world = World()
+    lines = [json.dumps({"id": name}).encode() for name in "abc"]
+    world.records = [
+        KeptRecord("apron", "a", "0" * 16, 3, lines[0]),
+        KeptRecord("gone", "x", "1" * 16, 9, b"{}"),
+        KeptRecord("apron", "b", "0" * 16, 4, lines[1]),
+    ]
+    world.unpublished = [("apron", "b", lines[1])]
+    target = announcer(world)
+    assert [(one.payload, one.publisher, one.number) for one in world.past] == [(lines[0], "0" * 16, 3)]
+    target.send_again()
+    assert world.of("again") == [("0" * 16, 4)]
+
+
+def test_decisions_that_are_late_for_long_are_told() -> None:
+    world, now = World(), Now()
+    target = announcer(world, now)
+    for k in range(60):
+        now.monotonic_s = 101.2 + k / 10
+        target.announce((replace(STILL, frame=frame(k, time_s=100.0 + k / 10)),))  # 1.2 s late
+        assert target.late("apron") == (k >= 50)

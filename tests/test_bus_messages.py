@@ -13,6 +13,7 @@ from service.bus.bus import Bus
 from service.bus.errors import BusError
 from service.bus.keys import Keys
 from service.bus.messages import Reply, from_wire, to_wire
+from service.bus.ordered import Message
 from service.bus.session import open_client, open_hub
 from tests.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config, repeat
 
@@ -107,6 +108,33 @@ def test_a_subscriber_that_comes_in_the_midst_of_a_burst_gets_all_of_it(
         time.sleep(0.001)
     eventually(lambda: len(log.calls) == 40)
     assert log.payloads == [b"%d" % n for n in range(40)]
+
+
+def test_alarms_outlive_their_publisher_and_nobody_gets_them_twice(one: Bus, two: Bus) -> None:
+    """A new publisher that keeps what its predecessor sent: late joiners see it, others do not again."""
+    first = one.alarm_publisher(ALARM)
+    there, plain = Log(), Log()
+    two.subscribe_alarms(KEYS.alarms(), there)
+    two.subscribe(KEYS.alarms(), plain)
+    for number in (5, 6, 7):
+        first.put(b"%d" % number, number)
+    eventually(lambda: there.payloads == plain.payloads == [b"5", b"6", b"7"])
+    first.close()
+    kept = [Message(ALARM, b"%d" % number, first.name, number) for number in (5, 6, 7, 8)]
+    again = one.alarm_publisher(ALARM, kept)  # it knows of one that was never sent
+    eventually(lambda: there.payloads == [b"5", b"6", b"7", b"8"])
+    late = Log()
+    two.subscribe_alarms(KEYS.alarms(), late)
+    eventually(lambda: late.payloads == [b"5", b"6", b"7", b"8"])
+    again.put(b"8", 8, first.name)  # sent again, as after a crash
+    again.put(b"9", 9)
+    eventually(lambda: plain.payloads[-1] == late.payloads[-1] == there.payloads[-1] == b"9")
+    assert there.payloads == late.payloads == [b"5", b"6", b"7", b"8", b"9"]
+    assert plain.payloads == [b"5", b"6", b"7", b"8", b"9"]
+    # A subscriber in the publisher's own session hears of it too.
+    near = Log()
+    one.subscribe_alarms(KEYS.alarms(), near)
+    eventually(lambda: near.payloads == late.payloads)
 
 
 def test_kept_alarms_can_be_asked_for(one: Bus, two: Bus) -> None:

@@ -13,14 +13,24 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from service.alarms import Alarm, AlarmClass, Hold
+from service.bus.messages import ALARMS_KEPT
 from service.store import event_writer
 from service.store.event_writer import EventWriter
-from service.store.events import Entry, Event, EventLog, EventLogError, event_file, read_events
+from service.store.events import (
+    RECORDS_KEPT,
+    Entry,
+    Event,
+    EventLog,
+    EventLogError,
+    event_file,
+    read_events,
+)
 from tests.integration.site import wait_for
 
 WALL_S = 1.7e9
@@ -115,6 +125,23 @@ def test_what_may_not_be_on_the_bus_is_known_after_a_restart(tmp_path: Path) -> 
         ("apron", "id-000003", b"record 3"),
     ]
     again.close()
+
+
+def test_the_last_records_are_there_after_a_restart(tmp_path: Path) -> None:
+    """64 of each ROI, and the last one of each class however old it is."""
+    log = writer(tmp_path)
+    blind = Entry(event(1, alarm_class=AlarmClass.BLIND), b"blind", "0a" * 8)
+    other = Entry(event(1, roi="lip"), b"other", "0b" * 8)
+    log.write([blind, other, *(replace(entry(n), publisher="0a" * 8) for n in range(2, 90))])
+    log.published([("apron", f"id-{n:06d}") for n in range(1, 90)])
+    log.close()
+    again = writer(tmp_path)
+    kept = [(one.roi, one.number, one.publisher, one.record) for one in again.records]
+    assert kept[0] == ("apron", 1, "0a" * 8, b"blind")
+    assert kept[1] == ("lip", 1, "0b" * 8, b"other")
+    assert [number for _, number, _, _ in kept[2:]] == list(range(26, 90))
+    again.close()
+    assert RECORDS_KEPT == ALARMS_KEPT
 
 
 def test_events_can_be_added_only(tmp_path: Path) -> None:
@@ -319,11 +346,11 @@ def test_a_file_that_turns_out_to_be_damaged_while_running_loses_no_state(tmp_pa
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 256 KiB."""
+    """A file system of 512 KiB."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", folder], capture_output=True
+        ["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", folder], capture_output=True
     )
     if mounted.returncode:
         pytest.skip("cannot mount a small file system (needs root)")

@@ -22,6 +22,7 @@ SHARES = (("belt", 0.750004), ("fall", 0.249996))
 FOUND = DetectedObject(3, 101.2345, 50.0, 30.005, 20.0, 2.0, 3.333, 0.98765432, "belt", SHARES)
 RAISED = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 100.0)
 ALARM = Alarm(active=True, waits=True)
+ALARMS = dict.fromkeys(AlarmClass, Alarm()) | {AlarmClass.LUMP: ALARM}
 CHANGE = AlarmChange(AlarmClass.LUMP, RAISED, ALARM, "high")
 RESULT = RoiResult(
     roi="apron",
@@ -30,13 +31,22 @@ RESULT = RoiResult(
     reason=None,
     detection=Detection(0.98765432, (FOUND,), 850.0, 0.0),
     existence=0.98765432,
-    alarm=ALARM,
+    alarms=ALARMS,
+    taken_s=100.03,
     prior=4,
     decided=True,
     changes=(CHANGE,),
 )
 STARTING = RoiResult(
-    "apron", None, Decision.BLIND, BlindReason.STARTING, None, 0.0, Alarm(), 0, decided=False
+    "apron",
+    None,
+    Decision.BLIND,
+    BlindReason.STARTING,
+    None,
+    0.0,
+    dict.fromkeys(AlarmClass, Alarm()),
+    0,
+    decided=False,
 )
 CLOCKS = Clocks(monotonic_s=100.125, wall_s=1_700_000_000.5)
 BEAT = Heartbeat(
@@ -45,9 +55,10 @@ BEAT = Heartbeat(
     seq=7,
     time=utc(1_700_000_000.5),
     valid_s=3.0,
+    valid=True,
     rois={
-        "apron": RoiBeat(state=Decision.LUMP, decided_ago_s=0.04),
-        "chute": RoiBeat(state=Decision.BLIND, decided_ago_s=None),
+        "apron": RoiBeat(state=Decision.LUMP, decided_ago_s=0.04, decided=utc(1_700_000_000.46), valid=True),
+        "chute": RoiBeat(state=Decision.BLIND, decided_ago_s=None, valid=True),
     },
 )
 
@@ -106,8 +117,8 @@ def test_the_schema_describes_every_field_and_its_type(of: str) -> None:
         ("alarm", {"id", "source", "type", "subject", "time", "data"}),
         pytest.param("alarm", {"specversion"}),
         ("state", {"frame", "time_s", "camera", "roi", "state", "existence", "site", "alarm"}),
-        ("heartbeat", {"site", "camera", "seq", "time", "valid_s"}),
-        ("level", {"lump", "blind", "alarm", "blind_alarm", "sequence", "valid_s"}),
+        ("heartbeat", {"site", "camera", "seq", "time", "valid_s", "valid"}),
+        ("level", {"lump", "blind", "system", "alarm", "blind_alarm", "system_alarm", "sequence", "valid_s"}),
         ("replay", {"frame", "time_s", "camera", "roi", "state", "existence"}),
     ],
 )
@@ -156,6 +167,10 @@ def test_what_an_alarm_record_says() -> None:
         "existence": 0.987654,
         "oversize": None,
         "lip_s": None,
+        "left_s": None,
+        "lip_reason": "uncalibrated",
+        "latency": None,
+        "test": False,
         "actor": None,
         "reason": None,
         "until": None,
@@ -218,16 +233,22 @@ def test_records_of_before_there_were_classes_are_read() -> None:
 
 
 def test_a_level_is_small_and_says_the_least() -> None:
-    line = level(replace(RESULT, alarm=Alarm(active=True, shelved=Hold("Ada", "dust"))), 7, 3.0).line()
+    line = level(
+        replace(RESULT, alarms=ALARMS | {AlarmClass.LUMP: Alarm(active=True, shelved=Hold("Ada", "dust"))}),
+        7,
+        3.0,
+    ).line()
     assert record(line) == {
         "lump": 1,
         "blind": 0,
+        "system": 0,
         "alarm": "SHELVED",
         "blind_alarm": "NORMAL",
+        "system_alarm": "NORMAL",
         "sequence": 7,
         "valid_s": 3.0,
     }
-    assert len(line) < 128
+    assert len(line) < 160
     assert record(level(STARTING, 0, 3.0).line())["blind"] == 1
 
 

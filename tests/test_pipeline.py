@@ -15,7 +15,7 @@ from service.config import CameraConfig
 from service.detectors.jdt import JdtDetector
 from service.errors import LumpwatchError
 from service.frames import Frame
-from service.messages import BlindReason, Decision
+from service.messages import BlindReason, Decision, Trouble
 from service.pipeline import CameraPipeline, RoiResult, all_of
 from service.store.prior import Prior
 from tests.service_helpers import (
@@ -473,3 +473,52 @@ def test_alarms_of_before_a_restart_go_on() -> None:
     assert (result.alarm, result.blind_alarm.state) == (waiting, AlarmState.RETURNED)
     results = feed(target, scene(0, 30))
     assert results[-1].alarm.state is AlarmState.UNACKNOWLEDGED
+
+
+# The alarm that it does not judge as well as it must
+
+
+def system_changes(result: RoiResult) -> list[tuple[str, str | None]]:
+    return [
+        (one.transition.change.value, one.transition.reason)
+        for one in result.changes
+        if one.alarm_class is AlarmClass.SYSTEM
+    ]
+
+
+def test_a_trouble_is_an_alarm_and_another_one_announces_it_again() -> None:
+    target = pipeline()
+    feed(target, scene(5, 0))
+    target.trouble("apron", Trouble.LATENCY, present=True)
+    (result,) = target.look(0.5)
+    assert system_changes(result) == [("raised", "latency")]
+    assert (result.decision, result.alarm.state) == (Decision.CLEAR, AlarmState.NORMAL)  # it still judges
+    (result,) = target.look(0.6)
+    assert result.changes == ()
+    result = target.acknowledge("apron", "Ada", 0.7, AlarmClass.SYSTEM)
+    assert result.alarms[AlarmClass.SYSTEM].state is AlarmState.ACKNOWLEDGED
+    target.trouble("apron", Trouble.PROOF_TEST, present=True)
+    (result,) = target.look(0.8)
+    assert system_changes(result) == [("re_alarmed", "latency, proof_test")]
+    assert result.alarms[AlarmClass.SYSTEM].state is AlarmState.UNACKNOWLEDGED
+    target.trouble("apron", Trouble.PROOF_TEST, present=False)
+    assert system_changes(target.look(0.9)[0]) == []
+    target.trouble("apron", Trouble.LATENCY, present=False)
+    made = [(k / 10, *one) for k in range(10, 40) for one in system_changes(target.look(k / 10)[0])]
+    assert made == [(3.0, "cleared", None)]  # after 2 s without a trouble
+
+
+def test_a_shelved_system_alarm_is_not_announced() -> None:
+    target = pipeline()
+    feed(target, scene(5, 0))
+    target.act(
+        "apron",
+        AlarmClass.SYSTEM,
+        lambda alarm, rules, now_s: all_of(shelve(alarm, rules, now_s, "Ada", "slow network", 3.0)),
+        0.4,
+    )
+    target.trouble("apron", Trouble.LATENCY, present=True)
+    assert system_changes(target.look(0.5)[0]) == [("active", "latency")]
+    target.trouble("apron", Trouble.PROOF_TEST, present=True)
+    assert system_changes(target.look(0.6)[0]) == []
+    assert system_changes(target.look(3.4)[0]) == [("unshelved", "expired"), ("raised", None)]

@@ -9,16 +9,19 @@ from __future__ import annotations
 from service.bus.keys import Kind
 from service.config.bus import AccessConfig
 
-COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE)
+COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.PROOF)
 """Queries that operators may send."""
 SIGNALS = (Kind.SUPPRESS,)
 """Puts and queries that plant control may send."""
+INTERNAL = (Kind.TEST_FRAME, Kind.BLEND)
+"""What the daemon's processes say among themselves."""
 READABLE = (
     Kind.FRAME,
     Kind.JPEG,
     Kind.HEARTBEAT,
     Kind.STATE,
     Kind.ALARM,
+    Kind.TEST,
     Kind.LEVEL,
     Kind.PRIOR,
     Kind.SHADOW,

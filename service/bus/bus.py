@@ -6,7 +6,7 @@ import atexit
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Self, TypeVar
 
@@ -30,7 +30,7 @@ from service.bus.messages import (
     to_reply,
     to_wire,
 )
-from service.bus.ordered import InOrder, Message
+from service.bus.ordered import Due, InOrder, Message
 from service.bus.worker import Worker
 
 _log = logging.getLogger(__name__)
@@ -118,18 +118,15 @@ class Bus:
         publisher's cache) and those that `ask` (from a queryable: the cache does not answer plain
         queries).
         """
-        with self._declaring(key):
-            declared = declare_state(self._session, key)
-            return self._published(Publisher(key, declared, keep=1), key, declared)
+        return self._published(Publisher(key, keep=1), key, declare_state)
 
-    def alarm_publisher(self, key: str) -> Publisher:
+    def alarm_publisher(self, key: str, kept: Sequence[Message] = ()) -> Publisher:
         """A publisher of messages that must not be lost: repeated where missed, the last 64 kept.
 
-        Late joiners get those with `subscribe_alarms` or `ask`.
+        Late joiners get those with `subscribe_alarms` or `ask`, after `kept`: messages of former
+        publishers of the key, which nobody gets twice.
         """
-        with self._declaring(key):
-            declared = declare_alarms(self._session, key)
-            return self._published(Publisher(key, declared, keep=ALARMS_KEPT), key, declared)
+        return self._published(Publisher(key, ALARMS_KEPT, kept), key, declare_alarms)
 
     def subscribe(self, selector: str, callback: Callback, *, history: bool = False) -> Handle:
         """Call back with key and payload of each message; with `history` first with the last values."""
@@ -155,29 +152,39 @@ class Bus:
     ) -> Handle:
         """Call back with key and payload of each alarm, once and in order, what is kept of old ones first.
 
+        That holds over restarts of the publisher too, where it keeps what its predecessors sent.
+
         Alarms missed in an outage are fetched again; `on_missed` gets the number of those that could
         not be (more than 64 of one publisher).
         """
         order = InOrder(self._recent)
         with self._receiving(selector) as worker:
 
-            def pass_on(sample: zenoh.Sample) -> None:
-                if sample.kind != zenoh.SampleKind.PUT:
-                    return
-                messages, lost = order.due(to_message(sample))
+            def pass_on(due: Due) -> None:
+                messages, lost = due
                 if lost and on_missed is not None:
                     worker.guard(partial(on_missed, lost))
                 for message in messages:
                     worker.guard(partial(callback, message.key, message.payload))
 
+            def arrived(sample: zenoh.Sample) -> None:
+                if sample.kind == zenoh.SampleKind.PUT:
+                    pass_on(order.due(to_message(sample)))
+
+            def appeared(sample: zenoh.Sample) -> None:
+                """A publisher is there: what it keeps of itself and its predecessors may be news."""
+                if sample.kind == zenoh.SampleKind.PUT:
+                    pass_on(order.catch_up(str(sample.key_expr).partition("/@adv/")[0]))
+
             subscriber = ext.declare_advanced_subscriber(
                 self._session,
                 selector,
-                direct(queue(worker, pass_on)),
+                direct(queue(worker, arrived)),
                 history=ext.HistoryConfig(detect_late_publishers=True, max_samples=ALARMS_KEPT),
                 recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
             )
-            return self._received(worker, undeclares(subscriber))
+            publishers = subscriber.detect_publishers(direct(queue(worker, appeared)), history=True)
+            return self._received(worker, undeclares(publishers), undeclares(subscriber))
 
     def serve(self, key: str, handler: Handler) -> Handle:
         """Answer the queries of `key`; what the handler raises goes back as one line of error."""
@@ -269,9 +276,19 @@ class Bus:
         handle.on_close(lambda: among.pop(handle, None))
         return handle
 
-    def _published(self, publisher: Publisher, key: str, declared: ext.AdvancedPublisher) -> Publisher:
-        queries = self._session.declare_queryable(key, direct(queue(self._values, publisher.answer)))
-        publisher.on_close(undeclares(queries), undeclares(declared))
+    def _published(
+        self,
+        publisher: Publisher,
+        key: str,
+        declare: Callable[[zenoh.Session, str], ext.AdvancedPublisher],
+    ) -> Publisher:
+        with self._declaring(key):
+            # Who hears of the publisher asks for what it keeps: the answer must be there first.
+            queries = self._session.declare_queryable(key, direct(queue(self._values, publisher.answer)))
+            publisher.on_close(undeclares(queries))
+            declared = declare(self._session, key)
+            publisher.use(declared)
+            publisher.on_close(undeclares(declared))
         return self._keep(publisher, self._senders)
 
     def _get(self, selector: str, payload: bytes | None, timeout_s: float) -> Iterable[zenoh.Reply]:

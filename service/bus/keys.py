@@ -15,6 +15,8 @@ class Kind(StrEnum):
 
     FRAME = "frame"
     JPEG = "frame/jpeg"
+    TEST_FRAME = "frame/test"
+    BLEND = "blend"
     HEARTBEAT = "heartbeat"
     STATE = "state"
     ALARM = "alarm"
@@ -25,11 +27,13 @@ class Kind(StrEnum):
     SERVICE = "service"
     SUPPRESS = "suppress"
     PRIOR = "prior"
+    PROOF = "proof"
+    TEST = "test"
     SHADOW = "shadow"
     ALIVE = "@alive"
 
 
-_OF_CAMERA = frozenset({Kind.FRAME, Kind.JPEG, Kind.HEARTBEAT})
+_OF_CAMERA = frozenset({Kind.FRAME, Kind.JPEG, Kind.TEST_FRAME, Kind.BLEND, Kind.HEARTBEAT})
 _OF_ROI = frozenset(
     {
         Kind.STATE,
@@ -41,9 +45,19 @@ _OF_ROI = frozenset(
         Kind.SERVICE,
         Kind.SUPPRESS,
         Kind.PRIOR,
+        Kind.PROOF,
+        Kind.TEST,
         Kind.SHADOW,
     }
 )
+
+KEY_OF: dict[Kind, str] = {
+    kind: f"{_ROOT}/{{site}}/{{camera}}/{kind}"
+    if kind in _OF_CAMERA
+    else f"{_ROOT}/{{site}}/{{camera}}/{{roi}}/{kind}"
+    for kind in (*sorted(_OF_CAMERA), *sorted(_OF_ROI))
+} | {Kind.ALIVE: f"{_ROOT}/{{site}}/{Kind.ALIVE}/{{role}}/{{name}}"}
+"""The pattern of the keys of each kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +88,14 @@ class Keys:
     def jpeg(self, camera: str) -> str:
         """Whole pictures as JPEG, for people."""
         return self._of_camera(camera, Kind.JPEG)
+
+    def test_frame(self, camera: str) -> str:
+        """Frames with the synthetic lump of a proof test."""
+        return self._of_camera(camera, Kind.TEST_FRAME)
+
+    def blend(self, camera: str) -> str:
+        """Query that asks the camera's process for those."""
+        return self._of_camera(camera, Kind.BLEND)
 
     def heartbeat(self, camera: str) -> str:
         """Signs of life of the camera process."""
@@ -115,6 +137,14 @@ class Keys:
         """Query for the prior that the ROI uses."""
         return self._of_roi(camera, roi, Kind.PRIOR)
 
+    def proof(self, camera: str, roi: str) -> str:
+        """Query that starts a proof test of the ROI."""
+        return self._of_roi(camera, roi, Kind.PROOF)
+
+    def test(self, camera: str, roi: str) -> str:
+        """Alarms of the ROI's proof tests."""
+        return self._of_roi(camera, roi, Kind.TEST)
+
     def shadow(self, camera: str, roi: str) -> str:
         """State of the prior that runs in shadow on the ROI, while one does."""
         return self._of_roi(camera, roi, Kind.SHADOW)
@@ -142,6 +172,10 @@ class Keys:
     def levels(self) -> str:
         """Selector: the levels of all ROIs."""
         return f"{self._root}/*/*/{Kind.LEVEL}"
+
+    def tests(self) -> str:
+        """Selector: the alarms of all proof tests."""
+        return f"{self._root}/*/*/{Kind.TEST}"
 
     def everyone_alive(self) -> str:
         """Selector: the liveliness tokens of all processes (a plain `**` does not match them)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from urllib.parse import quote, unquote
 
@@ -43,32 +43,46 @@ class Reply:
 class Publisher(Handle):
     """Publishes small messages on one key; made by `Bus.publisher` and `Bus.alarm_publisher`."""
 
-    def __init__(self, key: str, publisher: ext.AdvancedPublisher, keep: int) -> None:
+    def __init__(self, key: str, keep: int, kept: Sequence[Message] = ()) -> None:
+        """`kept` are messages of former publishers of this key, for late joiners."""
         super().__init__()
+        self.name = uuid.uuid4().hex[:16]
+        """Tells this publisher from all others of the key, former ones included."""
         self._key = key
-        self._publisher = publisher
         self._keep = keep
-        self._name = uuid.uuid4().hex[:16]
         self._lock = threading.Lock()
-        self._sent = 0
-        self._kept: tuple[tuple[bytes, bytes], ...] = ()
+        self._next = 0
+        self._kept = tuple(kept)[-keep:]
+        self._publisher: ext.AdvancedPublisher | None = None
 
-    def put(self, payload: bytes) -> None:
-        """Send; raises BusClosed when the bus, or this publisher, is closed."""
+    def use(self, publisher: ext.AdvancedPublisher) -> None:
+        """Send by this one (for the bus only)."""
+        self._publisher = publisher
+
+    def put(self, payload: bytes, number: int | None = None, publisher: str | None = None) -> None:
+        """Send; raises BusClosed when the bus, or this publisher, is closed.
+
+        Messages are numbered from 0 unless `number` is given, which must rise. One with the `publisher`
+        that it had before is the same message again: who has had it does not get it twice.
+        """
         with self._lock:  # numbers must go out in order
-            attachment = stamp(self._name, self._sent)
-            self._sent += 1
-            self._kept = (*self._kept, (payload, attachment))[-self._keep :]
+            sent = Message(
+                self._key, payload, publisher or self.name, self._next if number is None else number
+            )
+            if publisher is None:
+                self._next = sent.number + 1
+            self._kept = (*self._kept, sent)[-self._keep :]
+            assert self._publisher is not None
             try:
-                self._publisher.put(payload, attachment=attachment)
+                self._publisher.put(payload, attachment=stamp(sent.publisher, sent.number))
             except zenoh.ZError as error:
                 raise BusClosed(f"bus: closed while {self._key} was published") from error
 
     def answer(self, query: zenoh.Query) -> None:
         """Reply with what is kept, oldest first (for the bus only)."""
         with query:
-            for payload, attachment in self._kept:
-                query.reply(self._key, payload, attachment=attachment)
+            for one in self._kept:
+                query.reply(self._key, one.payload, attachment=stamp(one.publisher, one.number))
 
 
 def declare_state(session: zenoh.Session, key: str) -> ext.AdvancedPublisher:

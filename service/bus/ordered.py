@@ -36,30 +36,52 @@ def stamped(key: str, payload: bytes, attachment: bytes) -> Message:
     return Message(key, payload, match[1].decode(), int(match[2]))
 
 
+Due = tuple[list[Message], int]
+"""Messages to pass on now, and how many before them are lost for good."""
+
+
 class InOrder:
     """Says for each message that arrives which ones are due: each once, in order, holes filled.
 
-    What fills a hole comes from `recent(key)`. Of a publisher not seen before, all that can still be
-    had is due first. Messages of unknown publishers are due as they come.
+    What fills a hole comes from `recent(key)`. When a publisher is seen for the first time, all that can
+    still be had is due first, what its predecessors sent included. Messages of unknown publishers are
+    due as they come.
     """
 
     def __init__(self, recent: Callable[[str], list[Message]]) -> None:
         self._recent = recent
         self._next: dict[str, int] = {}
 
-    def due(self, arrived: Message) -> tuple[list[Message], int]:
-        """The messages to pass on now, and how many before them are lost for good."""
+    def due(self, arrived: Message) -> Due:
+        """What is due now that a message has arrived."""
         if not arrived.publisher:
             return [arrived], 0
-        known = arrived.publisher in self._next
-        expected = self._next.get(arrived.publisher, 0)
-        if arrived.number < expected:
-            return [], 0
-        found = {arrived.number: arrived}
-        if arrived.number > expected:
-            for kept in self._recent(arrived.key):
-                if kept.publisher == arrived.publisher and expected <= kept.number < arrived.number:
-                    found[kept.number] = kept
-        self._next[arrived.publisher] = arrived.number + 1
-        lost = arrived.number + 1 - expected - len(found) if known else 0
-        return [found[number] for number in sorted(found)], lost
+        expected = self._next.get(arrived.publisher)
+        if expected is not None and arrived.number <= expected:
+            return self._new([arrived])
+        before = [
+            one
+            for one in self._recent(arrived.key)
+            if one.publisher != arrived.publisher or one.number < arrived.number
+        ]
+        return self._new([*before, arrived])
+
+    def catch_up(self, key: str) -> Due:
+        """What is due of all that can still be had of a key."""
+        return self._new(self._recent(key))
+
+    def _new(self, messages: list[Message]) -> Due:
+        """Those that were not due before; publisher by publisher, as they first occur."""
+        known = self._next.copy()
+        publishers = {one.publisher: i for i, one in reversed(list(enumerate(messages)))}
+        found: list[Message] = []
+        lost = 0
+        for one in sorted(messages, key=lambda one: (publishers[one.publisher], one.number)):
+            expected = self._next.get(one.publisher, 0)
+            if not one.publisher or one.number < expected:
+                continue
+            if one.publisher in known:
+                lost += one.number - expected
+            self._next[one.publisher] = one.number + 1
+            found.append(one)
+        return found, lost

@@ -31,6 +31,7 @@ _MODULES = {
     "alarms": ("alarms",),
     "operate": ("ack", "shelve", "unshelve", "service"),
     "events": ("events",),
+    "proof": ("proof",),
     "simulate": ("simulate",),
 }
 """Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""

@@ -83,9 +83,9 @@ def alarms(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str) -> bytes:
+def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str, timeout_s: float = 2.0) -> bytes:
     """The only answer to a query; raises LumpwatchError where there is none, or it is an error."""
-    replies = bus.ask(key, parameters)
+    replies = bus.ask(key, parameters, timeout_s=timeout_s)
     if not replies:
         raise LumpwatchError(
             f"nobody answers for {target}: is the daemon running, the name right, and this client allowed to?"
@@ -108,11 +108,13 @@ def describe_alarm(payload: bytes) -> str:
         box = data.objects[0]
         where = f", box {box.w:.0f} x {box.h:.0f} px at ({box.x:.0f}, {box.y:.0f}), {box.model}"
     actor = f" by {data.actor}" if data.actor else ""
-    what = data.change.value if data.alarm_class is AlarmClass.LUMP else f"blind {data.change.value}"
+    of = "" if data.alarm_class is AlarmClass.LUMP else f"{data.alarm_class.value} "
+    what = f"{'TEST ' if data.test else ''}{of}{data.change.value}"
     why = f" ({data.reason})" if data.reason else ""
+    left = "" if data.left_s is None else f", {data.left_s:.1f} s to the lip"
     return (
         f"{event.time:%Y-%m-%d %H:%M:%S} {data.camera}/{data.roi}: {what}{actor}{why}, now {data.state}, "
-        f"existence {data.existence:.2f}, frame {data.frame}{where}"
+        f"existence {data.existence:.2f}, frame {data.frame}{where}{left}"
     )
 
 
@@ -123,10 +125,14 @@ def describe_state(payload: bytes) -> str:
     except ValidationError:
         return f"a malformed state of {len(payload)} bytes"
     reason = f" ({state.reason.value})" if state.reason else ""
-    blind = "" if state.blind_alarm == AlarmState.NORMAL else f", blind alarm {state.blind_alarm}"
+    others = "".join(
+        f", {one} alarm {stands}"
+        for one, stands in state.alarms.items()
+        if one is not AlarmClass.LUMP and stands != AlarmState.NORMAL
+    )
     return (
         f"{state.camera}/{state.roi}: {state.state.value}{reason}, "
-        f"alarm {state.alarm}{blind}, existence {state.existence:.2f}"
+        f"alarm {state.alarm}{others}, existence {state.existence:.2f}"
     )
 
 

@@ -75,7 +75,7 @@ def _with_target(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
         dest="alarm_class",
         choices=tuple(one.value for one in AlarmClass),
         default=AlarmClass.LUMP.value,
-        help="lump (default), or blind: the ROI cannot judge",
+        help="lump (default), blind: the ROI cannot judge, or system: it judges late, or a proof test failed",
     )
     return parser
 

@@ -24,25 +24,39 @@ class AnnunciationConfig(Strict):
     """The longest validity that a plant signal may claim for its suppression."""
 
 
-class BlindAlarmConfig(AnnunciationConfig):
-    """The alarm that a ROI cannot judge: class `blind`."""
+class ConditionAlarmConfig(AnnunciationConfig):
+    """An alarm whose condition holds or does not."""
 
-    on_delay_s: Delay = 5.0
-    """How long the ROI must be BLIND without a break; the state says so at once."""
+    on_delay_s: Delay = 0.0
+    """How long the condition must hold without a break."""
     off_delay_s: Delay = 2.0
-    """How long it must see without a break."""
+    """How long it must be over without a break."""
     latch: bool = False
-    """After it sees again, stay in RETURNED until someone acknowledges."""
+    """After it is over, stay in RETURNED until someone acknowledges."""
 
     @property
     def raise_above(self) -> float:
-        """BLIND counts as 1, anything else as 0."""
+        """A condition that holds counts as 1, one that does not as 0."""
         return 0.5
 
     @property
     def clear_below(self) -> float:
         """See `raise_above`."""
         return 0.5
+
+
+class BlindAlarmConfig(ConditionAlarmConfig):
+    """The alarm that a ROI cannot judge: class `blind`."""
+
+    on_delay_s: Delay = 5.0
+    """How long the ROI must be BLIND without a break; the state says so at once."""
+
+
+class SystemAlarmConfig(ConditionAlarmConfig):
+    """The alarm that decisions come too late, or that a proof test failed or is overdue: class `system`."""
+
+    priority: Priority = "medium"
+    """How soon an operator must respond."""
 
 
 class AlarmConfig(AnnunciationConfig):
@@ -60,6 +74,15 @@ class AlarmConfig(AnnunciationConfig):
     """After the lump has gone, stay in RETURNED until someone acknowledges."""
     blind: BlindAlarmConfig = BlindAlarmConfig()
     """The alarm that the ROI cannot judge."""
+    system: SystemAlarmConfig = SystemAlarmConfig()
+    """The alarm that the ROI does not judge as well as it must."""
+
+    def of_class(self, alarm_class: str) -> AlarmConfig | ConditionAlarmConfig:
+        """The rules of one class of alarm."""
+        if alarm_class == "lump":
+            return self
+        rules: ConditionAlarmConfig = getattr(self, alarm_class)
+        return rules
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -12,6 +12,7 @@ from service.config.calibration import CalibrationConfig
 from service.config.detector import DetectorConfig
 from service.config.jdt import JdtConfig
 from service.config.learning import LearningConfig
+from service.config.proof import ProofTestConfig
 from service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
@@ -62,6 +63,8 @@ class RoiConfig(Strict):
     """Where the belt lies, for sizes in millimetres; left out: sizes are judged by what training saw."""
     alarm: AlarmConfig = AlarmConfig()
     """Thresholds and delays of the alarm."""
+    proof_test: ProofTestConfig = ProofTestConfig()
+    """When the ROI is tested with a synthetic lump."""
     learning: LearningConfig = LearningConfig()
     """Refining the prior while the daemon runs."""
 
@@ -95,6 +98,15 @@ class WireConfig(Strict):
     """Quality of JPEG frames."""
 
 
+class LatencyConfig(Strict):
+    """How late a decision may be."""
+
+    budget_s: PositiveSeconds = 1.0
+    """Seconds from capture to publication that leave the operator enough time."""
+    for_s: PositiveSeconds = 5.0
+    """When every decision of so long came later, the system alarm of the ROI says so."""
+
+
 class CameraConfig(Strict):
     """One camera with its regions of interest."""
 
@@ -108,6 +120,8 @@ class CameraConfig(Strict):
     """How frames travel on the bus."""
     blind_after_s: PositiveSeconds = 3.0
     """A ROI without a fresh frame for this long is BLIND."""
+    latency: LatencyConfig = LatencyConfig()
+    """How late a decision may be before that is an alarm of its own."""
 
     @model_validator(mode="after")
     def _unique(self) -> Self:

@@ -19,7 +19,16 @@ from pathlib import Path
 from typing import Protocol
 
 from service.alarms import Alarm, AlarmClass
-from service.store.events import Entry, Event, EventLog, EventLogError, event_file, is_corrupt, read_events
+from service.store.events import (
+    Entry,
+    Event,
+    EventLog,
+    EventLogError,
+    KeptRecord,
+    event_file,
+    is_corrupt,
+    read_events,
+)
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +74,8 @@ class EventWriter:
         self._latest: dict[tuple[str, AlarmClass], Event] = {}
         self.unpublished: list[tuple[str, str, bytes]] = []
         """ROI, id and record of what may not have come on the bus before the last end."""
+        self.records: list[KeptRecord] = []
+        """The last records of each ROI that were written before the last end, oldest first."""
         if not self._attempt(self._start):
             self._start_reading()
         self._first = dict(self._latest)
@@ -168,6 +179,7 @@ class EventWriter:
     def _start(self) -> None:
         self._log = self._open_log(self._path, True)
         self.unpublished = self._log.unpublished()
+        self.records = self._log.records()
         self._latest = {(event.roi, event.alarm_class): event for event in self._log.latest()}
 
     def _start_reading(self) -> None:

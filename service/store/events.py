@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -45,6 +45,20 @@ CREATE TABLE outbox (roi TEXT NOT NULL, id TEXT NOT NULL, record BLOB NOT NULL, 
 PRAGMA user_version = {VERSION};
 COMMIT;
 """
+# Not part of the log: the last records as they went out, for who joins the bus after a restart.
+_RECORDS = """
+CREATE TABLE IF NOT EXISTS records (
+    roi TEXT NOT NULL, class TEXT NOT NULL, id TEXT NOT NULL,
+    publisher TEXT NOT NULL, number INTEGER NOT NULL, record BLOB NOT NULL, UNIQUE (roi, id)
+) STRICT;
+"""
+_PRUNE = """
+DELETE FROM records WHERE roi = :roi
+AND rowid NOT IN (SELECT rowid FROM records WHERE roi = :roi ORDER BY rowid DESC LIMIT :most)
+AND rowid NOT IN (SELECT max(rowid) FROM records WHERE roi = :roi GROUP BY class)
+"""
+RECORDS_KEPT = 64
+"""How many records of a ROI are kept; the last one of each class stays beyond that."""
 _COLUMNS = (
     "time_s", "monotonic_s", "clock", "camera", "roi", "class", "change", "before", "after",
     "actor", "reason", "existence", "frame", "id", "sequence", "alarm",
@@ -143,6 +157,20 @@ class Entry:
 
     event: Event
     record: bytes
+    publisher: str = ""
+    """Name of the publisher that sends it."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptRecord:
+    """A record as it went out."""
+
+    roi: str
+    id: str
+    publisher: str
+    number: int
+    """Its sequence."""
+    record: bytes
 
 
 def event_file(store: Path, camera: str) -> Path:
@@ -185,12 +213,13 @@ class EventLog:
             raise _Foreign(problem)
         if new:
             self._db.executescript(_SCHEMA)
+        self._db.execute(_RECORDS)
 
     def close(self) -> None:
         """Close the file."""
         self._db.close()
 
-    def append(self, entries: Iterable[Entry]) -> None:
+    def append(self, entries: Collection[Entry]) -> None:
         """Write events and their records, all or none; they are on the disk when this returns."""
         with self._transaction():
             for entry in entries:
@@ -199,6 +228,24 @@ class EventLog:
                     "INSERT INTO outbox VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
                     (entry.event.roi, entry.event.id, entry.record),
                 )
+                self._db.execute(
+                    "INSERT INTO records VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+                    (
+                        entry.event.roi,
+                        entry.event.alarm_class.value,
+                        entry.event.id,
+                        entry.publisher,
+                        entry.event.sequence,
+                        entry.record,
+                    ),
+                )
+            for roi in {entry.event.roi for entry in entries}:
+                self._db.execute(_PRUNE, {"roi": roi, "most": RECORDS_KEPT})
+
+    def records(self) -> list[KeptRecord]:
+        """The last records of each ROI, oldest first."""
+        rows = self._db.execute("SELECT roi, id, publisher, number, record FROM records ORDER BY rowid")
+        return [KeptRecord(*row) for row in rows]
 
     def copy(self, events: Iterable[Event]) -> None:
         """Write events whose records were published long ago: those that a damaged file held."""

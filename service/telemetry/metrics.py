@@ -6,11 +6,13 @@ own, whose text travels to the daemon (see `relay`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from service.alarms import Alarm, AlarmClass, Change, Transition
 from service.detection import Detection
-from service.messages import Decision
+from service.messages import Decision, Latency
 from service.telemetry.shadow import ShadowMetrics
 
 _BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -205,6 +207,10 @@ class MonitorMetrics(_FrameMetrics):
         self._lip = gauge(
             "lumpwatch_lip_seconds", "Seconds until the first lump reaches the lip; +Inf: none is on its way."
         )
+        self._budget = gauge(
+            "lumpwatch_latency_budget_ratio",
+            "Share of the latency budget that the last decision took, from capture to publication.",
+        )
         self._flagged: dict[str, frozenset[int]] = {}
         for roi in rois:
             self._wrong_way.labels(camera, roi)
@@ -228,6 +234,12 @@ class MonitorMetrics(_FrameMetrics):
         self._fallback.labels(self._camera, roi).set(detection.fell_back_share)
         self._tell_objects(roi, detection)
 
+    def latency(self, roi: str, latency: Latency) -> None:
+        """What the way of the last decided frame took; the pipeline itself times cut and filter."""
+        self._budget.labels(self._camera, roi).set(latency.total_s / latency.budget_s)
+        self.stage("bus", roi, latency.bus_s)
+        self.stage("announce", roi, latency.publish_s)
+
     def _tell_objects(self, roi: str, detection: Detection) -> None:
         objects = detection.objects
         self._objects.labels(self._camera, roi).set(len(objects))
@@ -249,7 +261,9 @@ class MonitorMetrics(_FrameMetrics):
         self._wrong_way.labels(self._camera, roi).inc(len(flagged - self._flagged.get(roi, frozenset())))
         self._flagged[roi] = flagged
 
-    def state(self, roi: str, decision: Decision, existence: float, alarms: dict[AlarmClass, Alarm]) -> None:
+    def state(
+        self, roi: str, decision: Decision, existence: float, alarms: Mapping[AlarmClass, Alarm]
+    ) -> None:
         """The present state of a ROI and its alarms."""
         self._existence.labels(self._camera, roi).set(existence)
         self._blind.labels(self._camera, roi).set(decision is Decision.BLIND)

@@ -41,6 +41,8 @@ class Feed:
     def __init__(self, bus: Bus) -> None:
         self.bright = False
         self.frozen = False
+        self.late_s = 0.0
+        """How old the pictures are when they come."""
         self._publisher = bus.frame_publisher(KEYS.frame("cam"))
         self._pictures = {bright: picture(bright=bright) for bright in (False, True)}
         self._stop = threading.Event()
@@ -59,7 +61,13 @@ class Feed:
         while not self._stop.wait(0.05):
             if not self.frozen:
                 seq, now = seq + 1, time.monotonic()
-            one = frame(seq, time_s=now, data=self._pictures[self.bright], size=(WIDTH, HEIGHT))
+            one = frame(
+                seq,
+                time_s=now - self.late_s,
+                received_s=now,
+                data=self._pictures[self.bright],
+                size=(WIDTH, HEIGHT),
+            )
             self._publisher.publish(one, "raw", None)
 
 
@@ -71,6 +79,8 @@ class Site:
         self.bus = bus
         self.feed = feed
         self.follower = follower
+        self.killed = False
+        """Whether a test has killed the daemon itself."""
 
     def state(self) -> dict[str, Any]:
         return self._one(KEYS.state("cam", "apron"))
@@ -119,8 +129,13 @@ class Site:
 
 
 @contextmanager
-def running(folder: Path, learning: dict[str, Any] | None = None, **alarm: Any) -> Iterator[Site]:
-    camera = site_tree()["cameras"][0]
+def running(
+    folder: Path,
+    learning: dict[str, Any] | None = None,
+    latency: dict[str, float] | None = None,
+    **alarm: Any,
+) -> Iterator[Site]:
+    camera = site_tree()["cameras"][0] | ({"latency": latency} if latency else {})
     camera["rois"][0]["learning"] = learning or {}
     camera["rois"][0]["alarm"] |= alarm
     daemon = Daemon(folder, f"  - {json.dumps(camera)}\n")
@@ -135,8 +150,9 @@ def running(folder: Path, learning: dict[str, Any] | None = None, **alarm: Any) 
     ):
         wait_for("ready", lambda: daemon.ready, 60)
         wait_for("follower", lambda: _listens(bus), 20)
-        yield Site(daemon, bus, feed, follower)
-        assert daemon.stop()[0] == 0
+        site = Site(daemon, bus, feed, follower)
+        yield site
+        assert site.killed or daemon.stop()[0] == 0
     assert "Traceback" not in daemon.log.read_text()
 
 
@@ -161,6 +177,11 @@ def test_a_monitor_that_is_killed_goes_on_with_its_alarms(tmp_path: Path) -> Non
         site.kill_monitor()
         assert site.state()["alarm"] == "NORMAL"
 
+        # Who comes only now sees what happened before the restarts, as it was.
+        with AlarmFollower(site.daemon.config, tmp_path / "late.log") as late:
+            wait_for("late joiner", lambda: len(late.records(None)) == 3, 30)
+            assert late.records(None) == site.follower.records(None)
+
         # Over four lives of the monitor: one record each, in order, on the bus and in the log.
         expected = [
             (1, "raised", "UNACKNOWLEDGED"),
@@ -173,6 +194,31 @@ def test_a_monitor_that_is_killed_goes_on_with_its_alarms(tmp_path: Path) -> Non
         assert [one["id"] for one in events] == [one["id"] for one in site.follower.records(None)]
         assert events[2]["actor"] == "Ada"
         assert site.daemon.metric("lumpwatch_event_log_problems_total") == 0
+
+
+def test_decisions_that_come_too_late_are_an_alarm_of_their_own(tmp_path: Path) -> None:
+    """A camera far away: pictures are 0.6 s old when they come, and 0.5 s are allowed."""
+    with running(tmp_path, latency={"budget_s": 0.5, "for_s": 1.0}, system={"off_delay_s": 0.5}) as site:
+        site.feed.late_s = 0.6
+        wait_for("late", lambda: site.level()["system"] == 1, 30)
+        raised = wait_for("raised", lambda: site.follower.records("system"), 20)[0]["data"]
+        assert (raised["change"], raised["reason"], raised["priority"]) == ("raised", "latency", "medium")
+        assert raised["latency"]["receive_s"] == pytest.approx(0.6, abs=1e-3)
+        assert raised["latency"]["total_s"] > raised["latency"]["budget_s"] == 0.5
+        assert site.daemon.metric("lumpwatch_latency_budget_ratio") > 1.0
+        assert site.state()["state"] == "CLEAR"
+        assert "shelved" in site.command(
+            "shelve", *TARGET, "--class", "system", "--for", "5m", "--reason", "x"
+        )
+        assert site.state()["alarms"]["system"] == "SHELVED"
+        site.command("unshelve", *TARGET, "--class", "system")
+        assert "acknowledged" in site.command("ack", *TARGET, "--class", "system")
+        site.feed.late_s = 0.0
+        wait_for("in time again", lambda: site.level()["system"] == 0, 30)
+        assert site.daemon.metric("lumpwatch_alarm_active", **{"class": "system"}) == 0
+        told = [(one["change"], one["reason"]) for one in site.events() if one["class"] == "system"]
+        assert told[0] == ("raised", "latency")
+        assert told[-1][0] == "cleared"
 
 
 def test_a_record_that_was_written_but_not_sent_comes_after_the_restart(tmp_path: Path) -> None:

@@ -1,0 +1,62 @@
+"""`lumpwatch proof`: test a running daemon with a synthetic lump."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client, ask_one
+from service.cli.common import Commands, add_command, camera_of, roi_of
+from service.config import load
+from service.proof.messages import Outcome, ProofResult
+
+_PATIENCE_S = 300.0
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "proof",
+        proof,
+        "Test a running daemon: a synthetic lump is blended into the real frames and must come out as an "
+        "alarm on the test key. Exit code 1 where any test does not pass.",
+        "lumpwatch proof site.yaml --camera crusher-1 --roi apron",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("--camera", metavar="ID", help="this camera only")
+    parser.add_argument("--roi", metavar="ID", help="this ROI of the camera only (with --camera)")
+    parser.add_argument("--actor", default="", metavar="NAME", help="who asks; it is recorded")
+    parser.add_argument("--json", action="store_true", help="print the results as they are, one a line")
+
+
+def proof(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    cameras = config.cameras if arguments.camera is None else (camera_of(config, arguments.camera),)
+    keys, passed = Keys(config.site), True
+    with open_client(as_client(config.bus), wait=False) as bus:
+        for camera in cameras:
+            rois = camera.rois if arguments.roi is None else (roi_of(camera, arguments.roi),)
+            for roi in rois:
+                target = f"{camera.id}/{roi.id}"
+                key = keys.proof(camera.id, roi.id)
+                answer = ask_one(bus, key, {"actor": arguments.actor}, target, _PATIENCE_S)
+                result = ProofResult.model_validate_json(answer)
+                passed &= result.outcome is Outcome.PASSED
+                sys.stdout.write((answer.decode() if arguments.json else describe(result)) + "\n")
+                sys.stdout.flush()
+    return 0 if passed else 1
+
+
+def describe(result: ProofResult) -> str:
+    """One line for a person."""
+    why = f" ({result.reason.value})" if result.reason else ""
+    warning = "no alarm" if result.warning_s is None else f"{result.warning_s:.1f} s of warning"
+    return (
+        f"{result.camera}/{result.roi}: {result.outcome.value}{why}, {warning}, "
+        f"existence up to {result.existence:.2f}, prior {result.prior}"
+    )

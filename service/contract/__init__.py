@@ -1,0 +1,46 @@
+"""The contract with other programs: every message by name, and the AsyncAPI document of all keys."""
+
+from __future__ import annotations
+
+import json
+
+from pydantic import BaseModel
+
+from service.bus.codec import FrameHeader
+from service.messages import AlarmEvent, Heartbeat, Level, StateLine, StateMessage
+from service.proof.messages import BlendPlan, BlendReply, ProofRequest, ProofResult
+from service.requests import (
+    AckRequest,
+    ActReply,
+    ServiceRequest,
+    ShelveRequest,
+    SuppressRequest,
+    UnshelveRequest,
+)
+from service.shadow.record import ShadowState
+
+MESSAGES: dict[str, type[BaseModel]] = {
+    "alarm": AlarmEvent,
+    "state": StateMessage,
+    "heartbeat": Heartbeat,
+    "level": Level,
+    "replay": StateLine,
+    "shadow": ShadowState,
+    "frame": FrameHeader,
+    "ack": AckRequest,
+    "shelve": ShelveRequest,
+    "unshelve": UnshelveRequest,
+    "service": ServiceRequest,
+    "suppress": SuppressRequest,
+    "act-reply": ActReply,
+    "proof": ProofRequest,
+    "proof-result": ProofResult,
+    "blend": BlendPlan,
+    "blend-reply": BlendReply,
+}
+"""By the name under which `lumpwatch schema` prints them."""
+
+
+def schema(name: str) -> str:
+    """The JSON Schema of one message as text."""
+    return json.dumps(MESSAGES[name].model_json_schema(mode="serialization"), indent=2, sort_keys=True)
