@@ -1,6 +1,7 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, paper1, paper2, background, jpda, pictures.
+Words on the command line choose some: lumps, difficulty, paper1, paper2, background, jpda, pictures. What
+follows `difficulty` with a dash is for it: `python -m tests.reproduction difficulty --help`.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 # The libraries count their threads when they are imported.
-from tests.reproduction import lumps, paper1, paper2, paper3_background, paper3_jpda, pictures  # noqa: E402
+from tests.reproduction import difficulty, lumps, paper1, paper2, paper3_background, paper3_jpda, pictures  # noqa: E402
 
 EXPERIMENTS = {
     "lumps": lumps.main,
+    "difficulty": difficulty.main,
     "paper1": paper1.main,
     "paper2": paper2.main,
     "background": paper3_background.main,
@@ -25,10 +27,12 @@ EXPERIMENTS = {
 }
 
 if __name__ == "__main__":
-    chosen = sys.argv[1:] or list(EXPERIMENTS)
+    chosen, options = sys.argv[1:] or list(EXPERIMENTS), []
+    if chosen[0] == "difficulty":
+        chosen, options = ["difficulty"], chosen[1:]
     if unknown := set(chosen) - set(EXPERIMENTS):
         sys.exit(f"unknown experiment {', '.join(sorted(unknown))}; there are {', '.join(EXPERIMENTS)}")
     for experiment in chosen:
         began = time.monotonic()
-        EXPERIMENTS[experiment]()
+        EXPERIMENTS[experiment](*([options] if options else []))
         print(f"{experiment}: {time.monotonic() - began:.0f} s")

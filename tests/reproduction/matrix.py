@@ -14,6 +14,8 @@ from service.feed.spec import FeedSpec
 
 TRAIN_SEEDS, TEST_SEEDS = range(1000, 1010), range(5000, 5020)
 TRAIN_EMPTY_SEEDS, TEST_EMPTY_SEEDS = range(2000, 2010), range(6000, 6040)
+LONG_SEEDS = range(7000, 7200)
+"""Of the long run without lumps: even ones for style a, odd ones for style b."""
 
 # Lumps of 1.2 to 2 times the limit, eight a minute, in moderate dust.
 STANDARD = FeedSpec(smallest_lump=1.2, largest_lump=2.0, lumps_per_minute=8.0, dust=0.4)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from service.feed.simulator import FeedSimulator, Truth
 from service.feed.spec import FeedSpec
 from tests.reproduction.matrix import (
+    LONG_SEEDS,
     STANDARD,
     TEST_EMPTY_SEEDS,
     TEST_SEEDS,
@@ -86,6 +87,7 @@ def page() -> str:
             ("training without lumps", TRAIN_EMPTY_SEEDS),
             ("test", TEST_SEEDS),
             ("test without lumps", TEST_EMPTY_SEEDS),
+            ("long run without lumps", LONG_SEEDS),
         )
     )
     matrix = f"""
@@ -94,6 +96,10 @@ def page() -> str:
 Each scene changes one thing of the standard scene, or combines some (`tests/reproduction/matrix.py`). At the same
 seed the lumps of a style come at the same moments (touching ones excepted), so scenes compare pair by pair. Seeds
 never mix: {seeds}.
+
+`python -m tests.reproduction difficulty` plays the lump filter and its peers on these scenes and writes
+`docs/results/difficulty.md`; `--help` shows how to run parts of it, or for a limited time. What was watched is kept
+in `build/reproduction/`, so an interrupted run goes on; a change of the code starts anew.
 
 """
     return _OPENING + "\n" + "\n".join(rows) + "\n" + matrix + "\n".join(cells) + "\n"
