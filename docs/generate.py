@@ -52,7 +52,7 @@ def messages_page() -> str:
 def metrics_page() -> str:
     """Every metric."""
     registry = CollectorRegistry()
-    DaemonMetrics(registry, "0")
+    DaemonMetrics(registry, "0", Path())
     CameraMetrics(registry, "c")
     shared = CollectorRegistry()
     MonitorMetrics(shared, "c", ("r",))

@@ -105,7 +105,7 @@ def run(
     registry = CollectorRegistry()
     relay = Relay()
     registry.register(relay)
-    metrics = DaemonMetrics(registry, version("lumpwatch"))
+    metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path)
     with contextlib.ExitStack() as stack:
         hub = open_hub(config.bus) if config.bus.mode == "router" else open_client(config.bus, stop)
         stack.callback(hub.close)

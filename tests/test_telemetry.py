@@ -10,6 +10,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
@@ -56,7 +57,7 @@ def _monitor(registry: CollectorRegistry) -> None:
 
 
 def _daemon(registry: CollectorRegistry) -> None:
-    DaemonMetrics(registry, "1.2.3").restarted("cam", "monitor", "stuck")
+    DaemonMetrics(registry, "1.2.3", Path("none/yet")).restarted("cam", "monitor", "stuck")
 
 
 def _whole(registry: CollectorRegistry) -> None:

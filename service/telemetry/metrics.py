@@ -6,7 +6,9 @@ own, whose text travels to the daemon (see `relay`).
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
@@ -308,7 +310,11 @@ class MonitorMetrics(_FrameMetrics):
 class DaemonMetrics:
     """Metrics of the daemon itself."""
 
-    def __init__(self, registry: CollectorRegistry, version: str) -> None:
+    def __init__(self, registry: CollectorRegistry, version: str, store: Path) -> None:
+        """`store` is the folder whose disk is watched."""
+        Gauge(
+            "lumpwatch_store_free_ratio", "Share of the store's disk that is free.", registry=registry
+        ).set_function(lambda: _free(store))
         Gauge("lumpwatch_build_info", "Version of lumpwatch.", ("version",), registry=registry).labels(
             version
         ).set(1)
@@ -322,3 +328,14 @@ class DaemonMetrics:
     def restarted(self, camera: str, stage: str, reason: str) -> None:
         """A worker process is started again."""
         self._restarts.labels(camera, stage, reason).inc()
+
+
+def _free(folder: Path) -> float:
+    """Share of the disk under the folder, or under the nearest one that exists, that is free to us."""
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        disk = os.statvfs(folder)
+    except OSError:
+        return 0.0  # a disk that does not answer has no room
+    return disk.f_bavail / disk.f_blocks if disk.f_blocks else 0.0

@@ -1,0 +1,1 @@
+"""What puts lumpwatch beside a crusher."""
