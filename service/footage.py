@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,12 +28,27 @@ class TrainingError(LumpwatchError):
     """The footage does not teach what is needed; the text says what is missing."""
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Where a kept picture comes from."""
+
+    clip: int
+    """Index of the clip."""
+    frame: int
+    """From 1."""
+    time_s: float
+    tracks: tuple[int, ...]
+    """Ids of the labelled objects in it, in the order of the view's objects."""
+
+
 @dataclass(slots=True)
 class Footage:
-    """What is kept of the video."""
+    """What is kept of one or more videos."""
 
     roi: Roi
     views: list[LabelledView]
+    moments: list[Moment]
+    """One a view."""
     interval_s: float
     count: int
     width: int
@@ -42,17 +57,30 @@ class Footage:
 
 
 def read_footage(
-    roi: RoiConfig, frames: Iterable[Frame], boxes: Sequence[Box], advance: Callable[[int], None]
+    roi: RoiConfig,
+    frames: Iterable[Frame],
+    boxes: Sequence[Box],
+    advance: Callable[[int], None],
+    *,
+    clip: int = 0,
+    left_out: Collection[int] = (),
+    most_views: int = MOST_VIEWS,
+    flow: Flow | None = None,
 ) -> Footage:
-    """Read the video once, keeping a thinned-out set of working pictures and all capture times."""
+    """Read the video once, keeping a thinned-out set of working pictures and all capture times.
+
+    Frames `left_out` are not kept. `flow` goes on gathering what it has of other clips.
+    """
     by_frame: dict[int, list[Box]] = {}
     for box in boxes:
         by_frame.setdefault(box.frame, []).append(box)
     geometry: Roi | None = None
     views: list[LabelledView] = []
+    moments: list[Moment] = []
     times: list[float] = []
     stride, size = 1, (0, 0)
-    flow = _Flow() if any(model.kind == "motion_prior" for model in roi.detector.models) else None
+    if flow is None and needs_flow(roi):
+        flow = Flow()
     for frame in frames:
         if geometry is None:
             size = (frame.width, frame.height)
@@ -60,13 +88,17 @@ def read_footage(
                 geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
             except ValueError as error:
                 raise TrainingError(f"roi {roi.id}: {error}") from error
-        if len(times) % stride == 0:
-            objects = _objects(geometry, by_frame.get(len(times) + 1, ()))
+        number = len(times) + 1
+        if len(times) % stride == 0 and number not in left_out:
+            objects, tracks = _objects(geometry, by_frame.get(number, ()))
             gray = working_luma(frame, geometry)
             colour = working_colour(frame, geometry) if roi.detector.needs_colour else None
             views.append(LabelledView(geometry.view(gray, colour), objects))
-            if len(views) > MOST_VIEWS:
-                views, stride = views[::2], stride * 2
+            moments.append(Moment(clip, number, frame.capture_s, tracks))
+            if len(views) > most_views:
+                stride *= 2
+                kept = [k for k, moment in enumerate(moments) if (moment.frame - 1) % stride == 0]
+                views, moments = [views[k] for k in kept], [moments[k] for k in kept]
         if flow is not None:
             flow.add(working_luma(frame, geometry), frame.capture_s)
         times.append(frame.capture_s)
@@ -77,10 +109,15 @@ def read_footage(
     if not interval > 0:
         raise TrainingError("the video's frames carry no advancing time stamps")
     cells = None if flow is None else flow.learn(geometry.shape)
-    return Footage(geometry, views, interval, len(times), *size, cells)
+    return Footage(geometry, views, moments, interval, len(times), *size, cells)
 
 
-class _Flow:
+def needs_flow(roi: RoiConfig) -> bool:
+    """Whether the region's models learn from everything that moves."""
+    return any(model.kind == "motion_prior" for model in roi.detector.models)
+
+
+class Flow:
     """Gathers the optical flow of everything that moves."""
 
     def __init__(self) -> None:
@@ -107,11 +144,12 @@ class _Flow:
             raise TrainingError(f"motion prior: {error}") from error
 
 
-def _objects(roi: Roi, boxes: Sequence[Box]) -> NDArray[np.float64]:
-    """States of the labelled boxes whose centre lies in the region's bounding box."""
+def _objects(roi: Roi, boxes: Sequence[Box]) -> tuple[NDArray[np.float64], tuple[int, ...]]:
+    """States and ids of the labelled boxes whose centre lies in the region's bounding box."""
     states = blank(len(boxes))
     if boxes:
         states[:, [X, Y, W, H]] = roi.to_working(np.array([[b.x, b.y, b.w, b.h] for b in boxes]))
     h, w = roi.shape
     inside = (states[:, X] >= 0) & (states[:, X] < w) & (states[:, Y] >= 0) & (states[:, Y] < h)
-    return states[inside]
+    ids = tuple(box.track for box, is_in in zip(boxes, inside, strict=True) if is_in)
+    return states[inside], ids

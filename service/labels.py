@@ -3,6 +3,7 @@
 One line a box: `frame,id,x,y,w,h,conf,class,visibility[,model]`. Frames count from 1, boxes are in
 full-frame pixels by their top left corner. Boxes with conf 0 are to be ignored, as MOTChallenge has
 it. The tenth column, when it is there and not empty, names the motion model that led to this frame.
+Class -1 with a conf between 0 and 1 marks a proposal (`service.proposals`), which is no label yet.
 """
 
 from __future__ import annotations
@@ -35,12 +36,7 @@ class Box:
 
 def read_labels(path: Path) -> tuple[Box, ...]:
     """All boxes, ordered by track and frame. Raises LabelError."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise LabelError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise LabelError(f"{path}: is not text") from error
+    text = _text(path)
     boxes: dict[tuple[int, int], Box] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -48,6 +44,11 @@ def read_labels(path: Path) -> tuple[Box, ...]:
         box = _parse(line, f"{path}, line {number}")
         if box is None:
             continue
+        if is_proposal(line):
+            raise LabelError(
+                f"{path}, line {number}: lump {box.track} is a proposal that nobody has accepted: look at it, "
+                f"then train with --accept {box.track} (or --accept all), or put # before its lines"
+            )
         if (box.track, box.frame) in boxes:
             raise LabelError(f"{path}, line {number}: track {box.track} has two boxes in frame {box.frame}")
         boxes[box.track, box.frame] = box
@@ -56,11 +57,46 @@ def read_labels(path: Path) -> tuple[Box, ...]:
     return tuple(boxes[key] for key in sorted(boxes))
 
 
+def ignored_frames(path: Path) -> frozenset[int]:
+    """Frames with a box to be ignored (conf 0): something is there that nobody vouches for. Raises LabelError."""
+    frames = set()
+    for line in _text(path).splitlines():
+        fields = line.split(",")
+        if len(fields) > 6 and not line.lstrip().startswith("#") and _number(fields[6]) == 0:
+            frames.add(int(float(fields[0])))
+    return frozenset(frames)
+
+
+def is_proposal(line: str) -> bool:
+    """Whether a line of a label file holds a box that awaits a person's word."""
+    fields = [field.strip() for field in line.split(",")]
+    if line.lstrip().startswith("#") or len(fields) < 8:
+        return False
+    confidence = _number(fields[6])
+    return confidence is not None and 0 < confidence < 1 and _number(fields[7]) == -1
+
+
+def _number(field: str) -> float | None:
+    try:
+        return float(field)
+    except ValueError:
+        return None
+
+
 def check_frames(boxes: tuple[Box, ...], frames: int, path: Path, video: str) -> None:
     """Raises LabelError where a label speaks of a frame that the video does not have."""
     last = max(box.frame for box in boxes)
     if last > frames:
         raise LabelError(f"{path}: labels frame {last}, but {video} has {frames} frames")
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise LabelError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise LabelError(f"{path}: is not text") from error
 
 
 def _parse(line: str, where: str) -> Box | None:

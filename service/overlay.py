@@ -21,6 +21,7 @@ from service.errors import LumpwatchError
 from service.frames import Frame
 from service.messages import Decision
 from service.pipeline import CameraPipeline, RoiResult
+from service.planes import whole_bgr
 
 _COLOURS = {
     Decision.CLEAR: (110, 200, 90),
@@ -83,7 +84,7 @@ def draw(
     frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline, most_particles: int = 400
 ) -> Image:
     """The frame as BGR with polygon, particles coloured by motion model, estimate and existence."""
-    canvas = _bgr(frame)
+    canvas = whole_bgr(frame)
     for row, result in enumerate(results):
         detector = pipeline.detector(result.roi)
         if detector is None:
@@ -108,14 +109,6 @@ def draw(
                 )
         _draw_bar(canvas, row, result, colour)
     return canvas
-
-
-def _bgr(frame: Frame) -> Image:
-    if frame.encoding == "bgr8":
-        return frame.data.copy()
-    if frame.encoding == "i420":
-        return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
 def _draw_particles(canvas: Image, detector: Detector, belief: Belief, most: int) -> None:

@@ -39,6 +39,15 @@ def working_colour(frame: Frame, roi: Roi) -> Image:
     return roi.cut(np.asarray(bgr, dtype=np.uint8), (x + left, y + top))
 
 
+def whole_bgr(frame: Frame) -> Image:
+    """A whole frame as BGR (h, w, 3), for people to look at."""
+    if frame.encoding == "bgr8":
+        return frame.data.copy()
+    if frame.encoding == "i420":
+        return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_YUV2BGR_I420), dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+
+
 def reduced(frame: Frame, rois: Sequence[Roi]) -> Frame:
     """The part of a luma frame that the regions look at, halved as long as none of them needs more.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save(fig: Any, path: Path) -> None:
+def save(fig: Any, path: Path | BinaryIO) -> None:
     """Write a figure; raises PlotError where the file cannot be written."""
     try:
         fig.savefig(path, dpi=120)
@@ -75,7 +75,7 @@ class ExistenceCurves:
 _AXIS = {"row": "row", "column": "column", "vertical_velocity": "vertical velocity"}
 
 
-def draw_prior(prior: Prior, path: Path) -> None:
+def draw_prior(prior: Prior, path: Path | BinaryIO) -> None:
     """What a prior knows: densities, prediction function, velocity and size by row (paper 1, Fig. 5)."""
     learned = prior.learned
     fig = figure(11, 7.5)

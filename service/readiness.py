@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from service.config import DetectorConfig, HistogramConfig, JdtConfig, SiteConfig
+from service.config import DetectorConfig, HistogramConfig, JdtConfig, NetworkConfig, SiteConfig
 from service.errors import ConfigError
 from service.store.priors import PriorStore
 
@@ -39,15 +39,27 @@ def _needs_prior(detector: DetectorConfig) -> str | None:
     return None
 
 
+def _check_network(detector: DetectorConfig, where: str) -> None:
+    if isinstance(detector, JdtConfig) and isinstance(detector.likelihood, NetworkConfig):
+        from service.network import make_network  # compiled code, which no other ROI needs here
+
+        try:
+            make_network(detector.likelihood)
+        except ConfigError as error:
+            raise ConfigError(f"{where}: {error}") from error
+
+
 def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
     """What each ROI (camera, roi) will run on, in words.
 
-    Raises ConfigError for a ROI that cannot run without a prior and has none that can be read.
+    Raises ConfigError for a ROI that cannot run without a prior and has none that can be read, or
+    whose network cannot be used.
     """
     store = PriorStore(config.store.path, config.store.keep_priors)
     notes = {}
     for camera in config.cameras:
         for roi in camera.rois:
+            _check_network(roi.detector, f"camera {camera.id}, roi {roi.id}")
             found = store.current(camera.id, roi.id)
             if found.prior is None and (what := _needs_prior(roi.detector)):
                 raise ConfigError(

@@ -106,7 +106,12 @@ def train(
     config = roi.detector.learning
     footage = read_footage(roi, frames, boxes, advance)
     check_frames(boxes, footage.count, labels_path, video)
-    tracks = _tracks(config, footage.roi, boxes, labels_path)
+    return learn(roi, footage, labelled_tracks(config, footage.roi, boxes, labels_path), str(labels_path))
+
+
+def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) -> Trained:
+    """Learn one ROI from footage and the labelled tracks in it; errors name `source`."""
+    config = roi.detector.learning
     height = float(footage.roi.shape[0])
     interval = footage.interval_s
     bounces = any(model.kind.startswith("bounce") for model in config.models)
@@ -114,10 +119,10 @@ def train(
     try:
         steps = samples(tracks, interval, half_window)
     except ValueError as error:
-        raise TrainingError(f"{labels_path}: {error} inside roi {roi.id}") from error
+        raise TrainingError(f"{source}: {error} inside roi {roi.id}") from error
     motion = fit_motion(steps, _specs(config, height), LEAST_SPREAD_H_S * height)
     profile = learn_profile(steps.states, height)
-    fit = _fit_likelihood(config, footage, profile, labels_path)
+    fit = _fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
     learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
     first = max(1, round(BIRTH_S / interval))
@@ -134,7 +139,8 @@ def train(
     )
 
 
-def _tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:
+def labelled_tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:
+    """The labelled objects, as far as they lie inside the region. Raises LabelError."""
     names = {model.name: m for m, model in enumerate(config.models)}
     h, w = roi.shape
     tracks = []
@@ -165,7 +171,7 @@ def _specs(config: JdtConfig, height: float) -> list[ModelSpec]:
 
 
 def _fit_likelihood(
-    config: JdtConfig, footage: Footage, profile: RowProfile, path: Path
+    config: JdtConfig, footage: Footage, profile: RowProfile, source: str
 ) -> LumpFit | HistogramFit:
     rng = np.random.default_rng(config.seed)
     births = polygon_births(footage.roi.mask, profile, np.ones(1))
@@ -174,7 +180,7 @@ def _fit_likelihood(
             return fit_histogram(footage.views, births, config.likelihood.channel, rng)
         return fit_lump(footage.views, births, rng)
     except ValueError as error:
-        raise TrainingError(f"{path}: {error}") from error
+        raise TrainingError(f"{source}: {error}") from error
 
 
 def _learned(

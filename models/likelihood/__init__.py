@@ -6,5 +6,6 @@ A likelihood looks at the picture once (`observe`) and is then asked about any n
 from models.likelihood.base import Likelihood, Observation
 from models.likelihood.histogram import HistogramLikelihood
 from models.likelihood.lump import LumpLikelihood
+from models.likelihood.network import NetworkLikelihood
 
-__all__ = ["HistogramLikelihood", "Likelihood", "LumpLikelihood", "Observation"]
+__all__ = ["HistogramLikelihood", "Likelihood", "LumpLikelihood", "NetworkLikelihood", "Observation"]

@@ -1,8 +1,9 @@
-"""`lumpwatch train`: learn a ROI's prior from a labelled video."""
+"""`lumpwatch train`: learn a ROI's prior from labelled clips, and propose labels for more of them."""
 
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,13 +13,19 @@ from rich.table import Table
 
 from service.cli.common import Commands, add_command, camera_of, progress, roi_of
 from service.cli.refine import archive_of, keep_footage
-from service.config import load
-from service.labels import read_labels
+from service.clips import Material, clips_of, gather
+from service.config import CameraConfig, RoiConfig, SiteConfig, load
+from service.errors import ConfigError
+from service.plots import PlotError, draw_prior
+from service.proposals import accept, parse_ids, to_text
+from service.readiness import check_priors
 from service.recordings import read_frames
 from service.store.prior import Prior
 from service.store.priors import PriorStore
-from service.training import Trained
-from service.training import train as run_training
+from service.training import Trained, learn
+from service.training_checks import coverage_warnings, validation_warnings
+from service.training_report import training_report
+from service.validation import Validation, cross_validate
 
 
 def add(commands: Commands) -> None:
@@ -27,45 +34,176 @@ def add(commands: Commands) -> None:
         commands,
         "train",
         train,
-        "Learn motion models, their switching, sizes and likelihood of one ROI from a labelled video, and "
-        "store them as a new prior. A running daemon takes it without a restart.",
-        "lumpwatch train site.yaml clip.mp4 gt.txt --camera crusher-1 --roi apron",
+        "Learn motion models, their switching, sizes and likelihood of one ROI from labelled videos, and "
+        "store them as a new prior with a report beside it. A running daemon takes it without a restart. "
+        "With --suggest: propose labels for a video instead.",
+        "lumpwatch train site.yaml clip.mp4 gt.txt --camera crusher-1 --roi apron\n"
+        "  lumpwatch train site.yaml a.mp4 a.txt b.mp4 b.txt --camera crusher-1 --roi apron --without-lumps c.mp4\n"
+        "  lumpwatch train site.yaml new.mp4 --camera crusher-1 --roi apron --suggest new.txt\n"
+        "  lumpwatch train site.yaml new.mp4 new.txt --camera crusher-1 --roi apron --accept 1,2,5",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("video", type=Path, metavar="VIDEO", help="video file or folder of images")
     parser.add_argument(
-        "labels", type=Path, metavar="LABELS", help="labels, MOTChallenge text: frame,id,x,y,w,h,…"
+        "labels",
+        type=Path,
+        nargs="?",
+        metavar="LABELS",
+        help="its labels, MOTChallenge text: frame,id,x,y,w,h,… (left out with --suggest)",
+    )
+    parser.add_argument(
+        "more", type=Path, nargs="*", metavar="VIDEO LABELS", help="more videos, each with its labels"
     )
     parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
     parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
     parser.add_argument(
+        "--without-lumps",
+        type=Path,
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="VIDEO",
+        help="videos in which no lump comes: what looks like one there is learned as background",
+    )
+    parser.add_argument(
         "--shadow", action="store_true", help="run it in shadow beside the prior in use, which stays"
     )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw what was learned")
+    parser.add_argument(
+        "--report", type=Path, metavar="HTML", help="write the report here as well as beside the prior"
+    )
+    parser.add_argument(
+        "--folds",
+        type=int,
+        default=5,
+        metavar="N",
+        help="parts of the cross-validation by lump in the report; 0 for none (default 5)",
+    )
+    parser.add_argument(
+        "--suggest",
+        type=Path,
+        metavar="OUT",
+        help="do not train: let the present filter propose labels for VIDEO, as a label file and a page of pictures",
+    )
+    parser.add_argument(
+        "--accept",
+        metavar="IDS",
+        help="before training, turn these proposals of LABELS into labels: ids as in 1,3,4, or all",
+    )
 
 
 def train(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    _check(arguments)
     config = load(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
-    boxes = read_labels(arguments.labels)
+    if arguments.suggest is not None:
+        return _suggest(arguments, config, camera, roi)
+    if arguments.accept is not None:
+        many = accept(arguments.labels, parse_ids(arguments.accept))
+        sys.stdout.write(f"{arguments.labels}: {many} accepted\n")
+    return _train(arguments, config, camera, roi)
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Raises ConfigError for arguments that do not go together."""
+    if arguments.suggest is not None:
+        if arguments.labels is not None or arguments.without_lumps or arguments.accept is not None:
+            raise ConfigError("--suggest takes one VIDEO, without LABELS, --without-lumps or --accept")
+        if arguments.suggest.exists():
+            raise ConfigError(f"--suggest {arguments.suggest}: exists; proposals do not overwrite labels")
+        if arguments.suggest.suffix == ".html":
+            raise ConfigError(
+                f"--suggest {arguments.suggest}: is a label file; its pictures go to .html beside it"
+            )
+        return
+    if arguments.labels is None:
+        raise ConfigError("LABELS is needed to train (or --suggest OUT, to have labels proposed)")
+    if len(arguments.more) % 2:
+        raise ConfigError(f"{arguments.more[-1]}: has no LABELS; videos and labels come in pairs")
+    if arguments.accept is not None and arguments.more:
+        raise ConfigError("--accept works on one VIDEO LABELS; accept the proposals of each file by itself")
+    if arguments.report is not None and not arguments.report.absolute().parent.is_dir():
+        raise ConfigError(f"--report {arguments.report}: there is no such folder")
+    if arguments.folds < 0 or arguments.folds == 1:
+        raise ConfigError(f"--folds {arguments.folds}: must be 0, or 2 and more")
+
+
+def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConfig, roi: RoiConfig) -> int:
+    from service.contact_sheet import contact_sheet
+    from service.suggest import suggest
+
     only = camera.model_copy(update={"rois": (roi,)})
+    check_priors(config.model_copy(update={"cameras": (only,)}))
+    found = PriorStore(config.store.path, config.store.keep_priors).current(camera.id, roi.id)
     frames, length = read_frames(only, arguments.video)
-    with progress("reading", length) as advance:
-        trained = run_training(roi, frames, boxes, arguments.labels, arguments.video.name, advance)
-    stored = PriorStore(config.store.path, config.store.keep_priors).save(
-        trained.as_prior(camera.id, roi, arguments.video.name, datetime.now(UTC)), shadow=arguments.shadow
+    with progress("watching", length) as advance:
+        suggestions = suggest(only, found.prior, frames, advance)
+    sheet = arguments.suggest.with_suffix(".html")
+    words = ("lumpwatch", "train", arguments.config, arguments.video, arguments.suggest)
+    ids = ",".join(str(one.proposal.id) for one in suggestions)
+    where = ("--camera", camera.id, "--roi", roi.id, "--accept", ids or "all")
+    page = contact_sheet(suggestions, arguments.video.name, shlex.join(map(str, (*words, *where))))
+    arguments.suggest.write_text(to_text([one.proposal for one in suggestions]), encoding="utf-8")
+    sheet.write_text(page, encoding="utf-8")
+    by = f"prior version {found.prior.version}" if found.prior else "the stated defaults"
+    sys.stdout.write(
+        f"{len(suggestions)} lumps proposed by {by}: {arguments.suggest}, pictures in {sheet}\n"
+        "Look at the pictures, then train with --accept and the ids of those that are lumps.\n"
     )
-    keep_footage(archive_of(config, camera.id, roi), arguments.video, arguments.labels)
-    for warning in trained.warnings:
-        sys.stderr.write(f"lumpwatch: warning: {warning}\n")
+    return 0
+
+
+def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConfig, roi: RoiConfig) -> int:
+    pairs = [
+        (arguments.video, arguments.labels),
+        *zip(arguments.more[::2], arguments.more[1::2], strict=True),
+    ]
+    clips = clips_of(pairs, arguments.without_lumps)
+    material = gather(camera, roi, clips, lambda name, length: progress(f"reading {name}", length))
+    trained = learn(roi, material.footage, material.tracks, ", ".join(str(labels) for _, labels in pairs))
+    store = PriorStore(config.store.path, config.store.keep_priors)
+    stored = store.save(
+        trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)), shadow=arguments.shadow
+    )
+    for video, labels in pairs:
+        keep_footage(archive_of(config, camera.id, roi), video, labels)
     _print(trained, stored)
     if arguments.plot is not None:
-        from service.plots import draw_prior
-
         draw_prior(stored, arguments.plot)
+    with progress("cross-validation", min(arguments.folds, len(material.lumps))) as advance:
+        validation = cross_validate(roi, material, arguments.folds, advance)
+    warnings = [*trained.warnings, *coverage_warnings(material, trained.learned)]
+    if validation is not None:
+        warnings += validation_warnings(validation, material)
+        sys.stdout.write(f"{_in_words(validation, material)}\n")
+    for warning in warnings:
+        sys.stderr.write(f"lumpwatch: warning: {warning}\n")
+    paths = [store.report_path(camera.id, roi.id, stored.version)]
+    if arguments.report is not None:
+        paths.append(arguments.report)
+    try:
+        page = training_report(stored, roi, material, validation, warnings)
+    except PlotError as error:
+        if arguments.report is not None:
+            raise
+        sys.stderr.write(f"lumpwatch: no report: {error}\n")
+        return 0
+    for path in paths:
+        path.write_text(page, encoding="utf-8")
+    sys.stdout.write(f"report: {paths[-1]}\n")
     return 0
+
+
+def _in_words(validation: Validation, material: Material) -> str:
+    if not validation.lumps:
+        return "Held out: no lump could be judged."
+    worst = validation.hardest[0]
+    return (
+        f"Held out: {len(validation.found)} of {len(validation.whole)} lumps would be found by what the others "
+        f"teach; the hardest is {worst.lump.id} of {material.clips[worst.lump.clip].name}."
+    )
 
 
 def _print(trained: Trained, stored: Prior) -> None:

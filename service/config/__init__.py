@@ -4,7 +4,14 @@ from service.config.alarm import AlarmConfig
 from service.config.bus import BusConfig
 from service.config.cameras import CameraConfig, RoiConfig
 from service.config.detector import DetectorConfig
-from service.config.jdt import ExistenceConfig, HistogramConfig, JdtConfig, LikelihoodConfig, LumpConfig
+from service.config.jdt import (
+    ExistenceConfig,
+    HistogramConfig,
+    JdtConfig,
+    LikelihoodConfig,
+    LumpConfig,
+    NetworkConfig,
+)
 from service.config.load import load, parse, schema
 from service.config.motion import MotionConfig
 from service.config.site import SiteConfig, StoreConfig, TelemetryConfig
@@ -24,6 +31,7 @@ __all__ = [
     "LikelihoodConfig",
     "LumpConfig",
     "MotionConfig",
+    "NetworkConfig",
     "RoiConfig",
     "SiteConfig",
     "SourceConfig",

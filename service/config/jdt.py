@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from service.config.base import Positive, PositiveSeconds, Probability, Strict
 from service.config.motion import DetectorBase, MotionConfig, MotionEntry, check_names
@@ -39,7 +40,37 @@ class HistogramConfig(Strict):
     """Largest log likelihood ratio of one frame."""
 
 
-LikelihoodConfig = Annotated[LumpConfig | HistogramConfig, Field(discriminator="kind")]
+Side = Annotated[int, Field(ge=8, le=4096)]
+
+
+class NetworkConfig(Strict):
+    """Likelihood from a network of your own: an ONNX file that gives a map of logits."""
+
+    kind: Literal["network"] = "network"
+    """The mean of the network's map in a box against the ring around it and a threshold."""
+    model: Path
+    """The ONNX file; a relative path counts from the configuration's folder."""
+    input_px: tuple[Side, Side] | None = None
+    """Width and height of the picture that the network takes; left out: the ROI's working picture as it is."""
+    channels: Literal[1, 3] = 1
+    """Channels that it takes; with 3 each is the same grey picture."""
+    scale: Positive = 1 / 255
+    """Grey levels (0 to 255) are multiplied by this."""
+    threshold: float = 0.0
+    """Mean logit of a box from which it speaks for a lump."""
+    evidence: Positive = 0.25
+    """Share of a frame's log likelihood ratio that counts: neighbouring frames repeat each other."""
+    bound: Positive = 3.0
+    """Largest log likelihood ratio of one frame, so that a single frame never decides."""
+
+    @field_validator("model")
+    @classmethod
+    def _from_folder(cls, model: Path, info: ValidationInfo) -> Path:
+        folder = (info.context or {}).get("folder")
+        return model if folder is None else folder / model
+
+
+LikelihoodConfig = Annotated[LumpConfig | HistogramConfig | NetworkConfig, Field(discriminator="kind")]
 
 
 class ExistenceConfig(Strict):

@@ -36,18 +36,23 @@ def load(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text") from error
-    config = parse(text, str(path), environ)
+    config = parse(text, str(path), environ, path.parent)
     store = config.store.model_copy(update={"path": path.parent / config.store.path})
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
     return config.model_copy(update={"store": store, "bus": config.bus.model_copy(update={"tls": tls})})
 
 
-def parse(text: str, name: str = "config", environ: Mapping[str, str] = os.environ) -> SiteConfig:
-    """Check the configuration in `text`; `name` stands for the file in error messages."""
+def parse(
+    text: str, name: str = "config", environ: Mapping[str, str] = os.environ, folder: Path | None = None
+) -> SiteConfig:
+    """Check the configuration in `text`; `name` stands for the file in error messages.
+
+    Relative paths of networks count from `folder`.
+    """
     secrets: list[str] = []
     try:
         tree = _substitute(_read_yaml(text), "", environ, secrets)
-        return SiteConfig.model_validate(tree)
+        return SiteConfig.model_validate(tree, context={"folder": folder})
     except ValidationError as error:
         problem = _first_problem(error)
     except ConfigError as error:

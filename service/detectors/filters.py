@@ -28,10 +28,11 @@ from models.motion_prior import CellVelocities, MotionPrior
 from models.profile import RowProfile, default_profile
 from models.roi import Roi
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
-from service.config.jdt import JdtConfig, LumpConfig
+from service.config.jdt import JdtConfig, LumpConfig, NetworkConfig
 from service.config.motion import MotionConfig
 from service.default_lump import DEFAULT_LUMP
 from service.errors import ConfigError
+from service.network import make_network
 
 # Stated defaults of a filter without a prior; lengths in ROI heights.
 DEFAULT_INTERVAL_S = 1 / 15
@@ -94,6 +95,8 @@ def _births(config: JdtConfig, learned: Learned | None, anywhere: PolygonBirths,
 def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
     """The likelihood with learned or default numbers; raises PriorMismatchError."""
     wanted = config.likelihood
+    if isinstance(wanted, NetworkConfig):
+        return make_network(wanted)
     fit = learned.likelihood if learned is not None else DEFAULT_LUMP
     if isinstance(wanted, LumpConfig):
         if not isinstance(fit, LumpFit):

@@ -1,6 +1,7 @@
 """The store of priors: numbered versions of each ROI's prior, and which one is in use.
 
     <store>/priors/<camera>/<roi>/000001.prior, 000002.prior, …
+    <store>/priors/<camera>/<roi>/000001.html      the report of its training, where it was trained here
     <store>/priors/<camera>/<roi>/current          the number in use, as text; 0: the stated defaults
     <store>/priors/<camera>/<roi>/shadow           the number that is tried in shadow, while one is
     <store>/priors/<camera>/<roi>/000002.trial     this version has never been in use
@@ -23,6 +24,7 @@ from service.store.prior import MAX_BYTES, Prior, PriorError, decode, encode
 
 _SUFFIX = ".prior"
 _TRIAL = ".trial"
+_REPORT = ".html"
 
 
 class StoreError(LumpwatchError):
@@ -73,6 +75,10 @@ class PriorStore:
     def path(self, camera: str, roi: str, version: int) -> Path:
         """File of a version."""
         return self.folder(camera, roi) / f"{version:06d}{_SUFFIX}"
+
+    def report_path(self, camera: str, roi: str, version: int) -> Path:
+        """The report of the training that made a version; it goes when the version goes."""
+        return self.path(camera, roi, version).with_suffix(_REPORT)
 
     def load(self, camera: str, roi: str, version: int) -> Prior:
         """One version; raises PriorError, also for a prior of another camera or ROI."""
@@ -234,6 +240,7 @@ class PriorStore:
             with contextlib.suppress(OSError):
                 self.path(camera, roi, version).unlink()
                 self._mark(camera, roi, version).unlink(missing_ok=True)
+                self.report_path(camera, roi, version).unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
