@@ -61,7 +61,8 @@ def act_of(kind: Kind, parameters: Parameters) -> tuple[AlarmClass, Act]:
     return AlarmClass(wanted), make(parameters)
 
 
-def _text(parameters: Parameters, name: str, longest: int) -> str:
+def text_of(parameters: Parameters, name: str, longest: int) -> str:
+    """A parameter without needless white space, cut at `longest`. Raises AlarmRequestError where it is missing."""
     value = " ".join(parameters.get(name, "").split())[:longest]
     if not value:
         raise AlarmRequestError(f"{name}: is missing")
@@ -69,15 +70,15 @@ def _text(parameters: Parameters, name: str, longest: int) -> str:
 
 
 def _actor(parameters: Parameters) -> str:
-    return _text(parameters, "actor", _LONGEST[0])
+    return text_of(parameters, "actor", _LONGEST[0])
 
 
 def _reason(parameters: Parameters) -> str:
-    return _text(parameters, "reason", _LONGEST[1])
+    return text_of(parameters, "reason", _LONGEST[1])
 
 
 def _seconds(parameters: Parameters, name: str) -> float:
-    text = _text(parameters, name, _LONGEST[0])
+    text = text_of(parameters, name, _LONGEST[0])
     try:
         return float(text)
     except ValueError:
@@ -100,7 +101,7 @@ def _unshelve(parameters: Parameters) -> Act:
 
 
 def _service(parameters: Parameters) -> Act:
-    actor, state = _actor(parameters), _text(parameters, "state", _LONGEST[0])
+    actor, state = _actor(parameters), text_of(parameters, "state", _LONGEST[0])
     if state == "in":
         return lambda alarm, _, now_s: put_back(alarm, now_s, actor)
     if state != "out":
@@ -110,7 +111,7 @@ def _service(parameters: Parameters) -> Act:
 
 
 def _suppress(parameters: Parameters) -> Act:
-    signal, valid_s = _text(parameters, "signal", _LONGEST[0]), _seconds(parameters, "valid_s")
+    signal, valid_s = text_of(parameters, "signal", _LONGEST[0]), _seconds(parameters, "valid_s")
     if valid_s == 0.0:
         return lambda alarm, _, now_s: unsuppress(alarm, now_s, signal)
     return lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, signal, valid_s))

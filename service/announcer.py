@@ -10,18 +10,24 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
+from service.alarms import AlarmClass, Change
 from service.bus.bus import Bus
 from service.bus.keys import Keys
 from service.bus.messages import Publisher
 from service.bus.ordered import Message
 from service.config import CameraConfig
+from service.evidence.recorder import Trigger
 from service.heartbeat import VALID_S
+from service.largest import LargestSeen
 from service.latency import LatencyWatch
-from service.pipeline import RoiResult
-from service.report import Clocks, alarm_event, level, state_message
+from service.messages import AlarmData
+from service.pipeline import AlarmChange, RoiResult
+from service.report import Clocks, alarm_event, level, record_id, state_message
 from service.store.event_writer import EventWriter
-from service.store.events import Entry, Event
+from service.store.events import Details, Entry, Event
+from service.store.notes import Span
 from service.telemetry.metrics import MonitorMetrics
+from service.watch_log import WatchLog
 
 log = logging.getLogger(__name__)
 
@@ -41,14 +47,18 @@ class Announcer:
         metrics: MonitorMetrics,
         clock: str,
         clocks: Callable[[], Clocks],
+        record: Callable[[Trigger], bool] = lambda _: False,
     ) -> None:
-        """`clock` names this host's monotonic clock, `clocks` tells the time."""
+        """`clock` names this host's monotonic clock, `clocks` tells the time, `record` begins evidence."""
         self._site = site
         self._camera = camera.id
         self._events = events
         self._metrics = metrics
         self._clock = clock
         self._clocks = clocks
+        self._record = record
+        self._watch = WatchLog()
+        self._largest = {roi.id: LargestSeen() for roi in camera.rois}
         self._states: dict[str, Publisher] = {}
         self._alarms: dict[str, Publisher] = {}
         self._levels: dict[str, Publisher] = {}
@@ -96,6 +106,7 @@ class Announcer:
         """Write and send the changes, then the states."""
         clocks = self._clocks()
         for result in results:
+            self._largest[result.roi].saw(result)
             if result.decided:
                 self._time(result, clocks.monotonic_s)
         entries = [entry for result in results for entry in self._entries(result, clocks)]
@@ -110,6 +121,7 @@ class Announcer:
             self._states[result.roi].put(message.line())
             self._send_level(result.roi, level(result, sequence, VALID_S).line(), clocks.monotonic_s)
             self._metrics.state(result.roi, result.decision, result.existence, result.alarms)
+            self._write_spans(self._watch.saw(result.roi, result.reason, clocks))
 
         took_s = self._clocks().monotonic_s - clocks.monotonic_s
         for result in results:
@@ -122,20 +134,37 @@ class Announcer:
         if watch.last is not None:
             self._metrics.latency(result.roi, watch.last)
 
+    def close(self) -> None:
+        """Nobody watches any more."""
+        self._write_spans(self._watch.close(self._clocks()))
+
+    def _write_spans(self, spans: tuple[Span, ...]) -> None:
+        if spans:
+            self._events.add(spans, wait=False)
+
+    def _begin_evidence(self, result: RoiResult, change: AlarmChange, clocks: Clocks) -> str | None:
+        """The id of the evidence of an alarm that was raised, where there will be one."""
+        sequence = self._sequences[result.roi]
+        name = record_id(clocks, sequence)
+        trigger = Trigger(name, result.roi, change.alarm_class, sequence, clocks.wall_s, clocks.monotonic_s)
+        raised = change.transition.change is Change.RAISED
+        return name if raised and self._record(trigger) else None
+
     def _entries(self, result: RoiResult, clocks: Clocks) -> list[Entry]:
         entries = []
         for change in result.changes:
             self._sequences[result.roi] += 1
+            sequence, told = self._sequences[result.roi], change.transition
             made = alarm_event(
                 result,
                 change,
                 self._site,
                 self._camera,
-                self._sequences[result.roi],
+                sequence,
                 clocks,
                 latency=self._latency[result.roi].last,
+                evidence=self._begin_evidence(result, change, clocks),
             )
-            told = change.transition
             event = Event(
                 clocks.wall_s,
                 clocks.monotonic_s,
@@ -153,6 +182,7 @@ class Announcer:
                 made.id,
                 made.data.sequence,
                 change.alarm,
+                self._details(made.data),
             )
             entries.append(Entry(event, made.line(), self._alarms[result.roi].name))
             self._metrics.transition(result.roi, change.alarm_class, told)
@@ -167,6 +197,13 @@ class Announcer:
                 made.data.frame,
             )
         return entries
+
+    def _details(self, data: AlarmData) -> Details:
+        """What reports want to know of a change beside the alarm's own columns."""
+        found: Details = {"lip_s": data.lip_s, "evidence": data.evidence}
+        if data.alarm_class is AlarmClass.LUMP:
+            found |= self._largest[data.roi].told()
+        return {name: value for name, value in found.items() if value is not None}
 
     def _send_level(self, roi: str, line: bytes, now_s: float) -> None:
         sent, sent_s = self._level_sent.get(roi, (b"", 0.0))

@@ -260,6 +260,8 @@ class AlarmData(Record):
     """When the hold that begins ends by itself (UTC)."""
     prior: int = 0
     """Version of the prior in use."""
+    evidence: str | None = None
+    """Id of the evidence that is being recorded, on `raised`; it can be fetched after the post-roll."""
     test: bool = False
     """Whether this is the alarm of a proof test; such records appear on the test key only."""
 

@@ -21,8 +21,10 @@ from service.bus.messages import Callback, Handler
 from service.bus.session import host_clock, open_client
 from service.config import SiteConfig
 from service.errors import LumpwatchError
+from service.evidence.keeper import EvidenceKeeper
 from service.frames import Frame
 from service.heartbeat import LastDecision, heartbeat
+from service.judging import judge
 from service.link import WorkerLink
 from service.logs import log_to_stderr
 from service.messages import Trouble
@@ -34,7 +36,8 @@ from service.report import Clocks
 from service.requests import ActReply
 from service.shadow.desk import ShadowDesk
 from service.sources.timing import StreamClock
-from service.store.event_writer import EventWriter
+from service.store.event_writer import EventWriter, Retention
+from service.store.events import event_file
 from service.store.prior import Prior, encode
 from service.store.priors import PriorStore
 from service.telemetry.metrics import MonitorMetrics
@@ -55,14 +58,17 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     camera = config.camera(camera_id)
     rois = tuple(roi.id for roi in camera.rois)
     metrics, proofs = MonitorMetrics(registry, camera_id, rois), ProofMetrics(registry, camera_id, rois)
-    events = EventWriter(config.store.path, camera_id, metrics, time.time)
+    retention = Retention(config.store.keep_events_days, config.store.keep_events)
+    events = EventWriter(config.store.path, camera_id, metrics, time.time, retention=retention)
+    evidence = EvidenceKeeper(config, camera_id, metrics)
     try:
         with open_client(config.bus, link.stop) as bus:
-            Monitor(config, camera_id, bus, link, metrics, events, proofs).run()
+            Monitor(config, camera_id, bus, link, metrics, events, evidence, proofs).run()
     except BusClosed:
         pass  # told to stop before the hub was there
     finally:
-        events.close()
+        events.close()  # first: it matters more, and the time is limited
+        evidence.close()
         link.close()
 
 
@@ -77,6 +83,7 @@ class Monitor:
         link: WorkerLink,
         metrics: MonitorMetrics,
         events: EventWriter,
+        evidence: EvidenceKeeper,
         proofs: ProofMetrics,
     ) -> None:
         self._site = config.site
@@ -84,6 +91,9 @@ class Monitor:
         self._bus = bus
         self._link = link
         self._metrics = metrics
+        self._events = events
+        self._event_file = event_file(config.store.path, camera_id)
+        self._evidence = evidence
         self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
         store = PriorStore(config.store.path, config.store.keep_priors)
         self._priors = PriorWatch(store, camera_id, config.store.poll_s, metrics)
@@ -107,6 +117,7 @@ class Monitor:
             metrics,
             host_clock(),
             clocks,
+            evidence.begin,
         )
         self._shadows = ShadowDesk(
             config.site, self._camera, store, config.store.poll_s, bus, metrics.shadows
@@ -135,7 +146,9 @@ class Monitor:
             with self._lock:
                 if frame is not None:
                     try:
+                        self._evidence.before(frame, self._pipeline)
                         results = self._pipeline.process(frame, now)
+                        self._evidence.after(frame, now, results)
                         self._link.state = "running"  # kernels are compiled in the first step
                         self._publish(results)
                         if not results:
@@ -146,6 +159,7 @@ class Monitor:
                         frame = None
                 if frame is None and now - looked_s >= LOOK_EVERY_S:
                     self._publish(self._pipeline.look(now))
+                    self._evidence.tick(now)
                     looked_s = now
                 if now - beat_s >= HEARTBEAT_S:
                     self._send_heartbeat(now)
@@ -156,6 +170,8 @@ class Monitor:
                     beat_s = now
             # Behind everything else and outside the lock: what a shadow does can only be late.
             self._shadows.follow(results, time.monotonic() - now)
+        with self._lock:
+            self._announcer.close()
         self._shadows.close()
 
     def _serve(self, roi: str) -> None:
@@ -171,6 +187,10 @@ class Monitor:
             self._bus.serve(key(self._camera.id, roi), self._act(kind, roi))
         self._bus.subscribe(self._keys.suppress(self._camera.id, roi), self._suppressor(roi))
         self._bus.serve(self._keys.prior(self._camera.id, roi), self._prior_reader(roi))
+        self._bus.serve(self._keys.evidence(self._camera.id, roi), self._evidence.handler(roi))
+        refused = partial(self._metrics.refused, roi, Kind.VERDICT.value)
+        judging = judge(self._event_file, roi, self._events, time.time, refused)
+        self._bus.serve(self._keys.verdict(self._camera.id, roi), judging)
         self._bus.serve(self._keys.proof(self._camera.id, roi), partial(self._proofs.request, roi))
 
     def _watched(self) -> Site:
@@ -248,6 +268,7 @@ class Monitor:
         for roi in self._camera.rois:
             if (found := self._priors.look(roi.id, now)) is not None:
                 self._pipeline.use_prior(roi.id, found.prior)
+                self._evidence.restart()  # a clip is to be replayed with one prior
             self._priors.measure(roi.id, self._pipeline.prior(roi.id), time.time())
         self._shadows.look(self._pipeline.prior, now)
         self._shadows.tell(now)

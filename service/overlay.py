@@ -23,7 +23,7 @@ from service.messages import Decision
 from service.pipeline import CameraPipeline, RoiResult
 from service.planes import whole_bgr
 
-_COLOURS = {
+COLOURS = {
     Decision.CLEAR: (110, 200, 90),
     Decision.LUMP: (60, 60, 235),
     Decision.BLIND: (0, 190, 240),
@@ -89,7 +89,7 @@ def draw(
         detector = pipeline.detector(result.roi)
         if detector is None:
             continue
-        colour = _COLOURS[result.decision]
+        colour = COLOURS[result.decision]
         corners = np.round(detector.roi.corners).astype(np.int32)
         cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
         clouds = detector.clouds()
@@ -101,7 +101,7 @@ def draw(
             low = (round(found.x), round(found.y))
             high = (round(found.x + found.w), round(found.y + found.h))
             cv2.rectangle(canvas, low, high, colour, 2, cv2.LINE_AA)
-            label = _label(found)
+            label = label_of(found)
             cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, colour, 1, cv2.LINE_AA)
             if len(found.model_shares) > 1:
                 _draw_shares(
@@ -119,7 +119,8 @@ def _draw_particles(canvas: Image, detector: Detector, belief: Belief, most: int
         cv2.circle(canvas, (round(x), round(y)), 1, _PARTICLES[label % len(_PARTICLES)], -1, cv2.LINE_AA)
 
 
-def _label(found: DetectedObject) -> str:
+def label_of(found: DetectedObject) -> str:
+    """Model, size and seconds to the lip in a few words."""
     words = [found.model]
     if found.size is not None and found.size.longest_mm is not None:
         words.append(f"{found.size.longest_mm:.0f} mm")

@@ -35,6 +35,7 @@ from service.frames import Frame
 from service.messages import BlindReason, Decision, Trouble
 from service.planes import working_colour, working_luma
 from service.sizing import Sizer
+from service.snapshot import Snapshot
 from service.store.prior import Prior
 
 log = logging.getLogger(__name__)
@@ -165,6 +166,7 @@ class CameraPipeline:
             if roi in self._rois:
                 self._rois[roi].alarms[alarm_class] = alarm
         self._frame: Frame | None = None
+        self._last_s: float | None = None
         self._taken_s: float | None = None
         self._size: tuple[int, int] | None = None
 
@@ -182,14 +184,14 @@ class CameraPipeline:
 
         Raises LumpwatchError where a ROI or prior does not fit the picture.
         """
-        last = self._frame
-        if last is not None and frame.capture_s <= last.capture_s:
-            self._observer.dropped("duplicate" if frame.capture_s == last.capture_s else "late")
+        last_s = self._last_s
+        if last_s is not None and frame.capture_s <= last_s:
+            self._observer.dropped("duplicate" if frame.capture_s == last_s else "late")
             return ()
         if (frame.width, frame.height) != self._size:
             self._fit(frame)
-        dt = DEFAULT_INTERVAL_S if last is None else frame.capture_s - last.capture_s
-        self._frame, self._taken_s = frame, now_s
+        dt = DEFAULT_INTERVAL_S if last_s is None else frame.capture_s - last_s
+        self._frame, self._last_s, self._taken_s = frame, frame.capture_s, now_s
         return tuple(self._process_roi(roi, frame, dt, now_s) for roi in self._rois.values())
 
     def look(self, now_s: float) -> tuple[RoiResult, ...]:
@@ -214,6 +216,37 @@ class CameraPipeline:
         roi = self._rois[roi_id]
         changes = roi.take(alarm_class, act(roi.alarms[alarm_class], roi.rules(alarm_class), now_s))
         return self._result(roi, changes, now_s)
+
+    def snapshots(self) -> dict[str, Snapshot]:
+        """Of every ROI, before the next frame."""
+        return {
+            roi_id: Snapshot(
+                self._last_s,
+                self._size,
+                None if roi.detector is None else roi.detector.state(),
+                {} if roi.sizer is None else roi.sizer.state(),
+                dict(roi.alarms),
+                roi.prior,
+            )
+            for roi_id, roi in self._rois.items()
+        }
+
+    def restore(self, roi_id: str, snapshot: Snapshot) -> None:
+        """Go on from there; the pipeline must have been made with the snapshot's prior.
+
+        Raises StateMismatchError, and LumpwatchError where ROI or prior do not fit the picture.
+        """
+        roi = self._rois[roi_id]
+        roi.alarms = roi.alarms | snapshot.alarms
+        self._last_s, self._size = snapshot.last_capture_s, snapshot.size
+        if snapshot.size is None:
+            return
+        roi.detector, roi.prior = self._make_detector(roi, *snapshot.size)
+        roi.sizer = self._make_sizer(roi.config, *snapshot.size)
+        if snapshot.filter is not None:
+            roi.detector.restore(snapshot.filter)
+        if roi.sizer is not None:
+            roi.sizer.restore(snapshot.looks)
 
     def prior(self, roi_id: str) -> Prior | None:
         """The prior that a ROI uses; None: the stated defaults."""

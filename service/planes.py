@@ -40,7 +40,12 @@ def working_colour(frame: Frame, roi: Roi) -> Image:
 
 
 def whole_bgr(frame: Frame) -> Image:
-    """A whole frame as BGR (h, w, 3), for people to look at."""
+    """The camera's picture as BGR (h, w, 3), for people to look at; black where the frame holds nothing."""
+    return to_bgr(whole(frame))
+
+
+def to_bgr(frame: Frame) -> Image:
+    """The pixels that a frame holds as BGR."""
     if frame.encoding == "bgr8":
         return frame.data.copy()
     if frame.encoding == "i420":
@@ -64,3 +69,19 @@ def reduced(frame: Frame, rois: Sequence[Roi]) -> Frame:
         crop=(x0, y0, x1 - x0, y1 - y0),
         reduction=step,
     )
+
+
+def whole(frame: Frame) -> Frame:
+    """A luma frame that holds a part, in a picture of the camera's size, black elsewhere.
+
+    What regions within the part cut from it is the same to the byte. Whole frames come back as they are.
+    """
+    if frame.crop is None and frame.reduction == 1:
+        return frame
+    x, y, w, h = frame.window
+    enlarged = frame.data.repeat(frame.reduction, axis=0).repeat(frame.reduction, axis=1)
+    # A last row or column that was no full block was left out; it repeats its neighbour.
+    missing = ((0, h - enlarged.shape[0]), (0, w - enlarged.shape[1]))
+    data = np.zeros((frame.height, frame.width), np.uint8)
+    data[y : y + h, x : x + w] = np.pad(enlarged, missing, mode="edge")
+    return replace(frame, data=data, crop=None, reduction=1)

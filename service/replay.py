@@ -94,14 +94,18 @@ def replay(
     video: str,
     out: Path,
     watchers: Iterable[Watcher] = (),
+    prepare: Callable[[CameraPipeline], None] = lambda _: None,
+    decided_s: Callable[[Frame], float] = lambda frame: frame.received_s,
 ) -> Summary:
     """Run the pipeline over `frames` and write states.jsonl, alarms.jsonl and summary.json into `out`.
 
+    `prepare` is shown the pipeline before the first frame; `decided_s` tells when a frame is decided.
     Raises ReplayError where `out` cannot be written or the file holds no frame, and what the source
     and the pipeline raise.
     """
     summary = Summary(site, camera.id, video, rois={roi.id: RoiSummary() for roi in camera.rois})
     pipeline = CameraPipeline(camera, priors, _Drops(summary.dropped))
+    prepare(pipeline)
     watching = tuple(watchers)
     start_s: float | None = None
     sequences: Counter[str] = Counter()
@@ -110,7 +114,7 @@ def replay(
         with (out / "states.jsonl").open("wb") as states, (out / "alarms.jsonl").open("wb") as alarms:
             for frame in frames:
                 start_s = frame.capture_s if start_s is None else start_s
-                results = pipeline.process(frame, frame.received_s)
+                results = pipeline.process(frame, decided_s(frame))
                 for result in results:
                     states.write(state_line(result, camera.id, start_s).line() + b"\n")
                     _write_alarms(alarms, result, site, camera.id, sequences, start_s)

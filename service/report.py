@@ -164,15 +164,15 @@ def alarm_event(
     clocks: Clocks,
     start_s: float = 0.0,
     latency: Latency | None = None,
+    evidence: str | None = None,
     *,
     test: bool = False,
 ) -> AlarmEvent:
     """The record of one change in a result; `sequence` makes its id unique within the source."""
     transition = change.transition
     lip_s, timing = soonest(result), clocks.timing(result)
-    milliseconds = round(clocks.wall_s * 1000)
     return AlarmEvent(
-        id=f"{milliseconds:015d}-{sequence:06d}",
+        id=record_id(clocks, sequence),
         source=f"/lumpwatch/{site}/{camera}/{result.roi}",
         type=f"io.lumpwatch.alarm.{transition.change.value}.v1",
         subject=f"{camera}/{result.roi}",
@@ -201,9 +201,15 @@ def alarm_event(
             reason=transition.reason,
             until=_until(change, clocks),
             prior=result.prior,
+            evidence=evidence,
             test=test,
         ),
     )
+
+
+def record_id(clocks: Clocks, sequence: int) -> str:
+    """Id of an alarm record: unique within a ROI, rising with time."""
+    return f"{round(clocks.wall_s * 1000):015d}-{sequence:06d}"
 
 
 def _until(change: AlarmChange, clocks: Clocks) -> datetime | None:

@@ -28,7 +28,7 @@ _INTERVAL_90 = 1.6449
 
 
 @dataclass(slots=True)
-class _Looks:
+class Looks:
     """What is known of one object's size."""
 
     first_s: float
@@ -52,13 +52,21 @@ class Sizer:
             self._plane = make_plane(config, width, height)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        self._looks: dict[int, _Looks] = {}
+        self._looks: dict[int, Looks] = {}
 
     def measure(self, detection: Detection, time_s: float) -> Detection:
         """The detection with a size for each object, and the probability that one is above the limit."""
         objects = tuple(self._sized(one, time_s) for one in detection.objects)
         self._looks = {i: looks for i, looks in self._looks.items() if time_s - looks.last_s < FORGET_S}
         return replace(detection, objects=objects, oversize=_oversize(detection.existence, objects))
+
+    def state(self) -> dict[int, Looks]:
+        """A copy of what is remembered, by object."""
+        return {i: replace(looks) for i, looks in self._looks.items()}
+
+    def restore(self, looks: dict[int, Looks]) -> None:
+        """Go on from there."""
+        self._looks = {i: replace(one) for i, one in looks.items()}
 
     def _sized(self, one: DetectedObject, time_s: float) -> DetectedObject:
         found = measure(
@@ -69,7 +77,7 @@ class Sizer:
         )
         if found is None:
             return one
-        looks = self._looks.setdefault(one.id, _Looks(time_s, time_s))
+        looks = self._looks.setdefault(one.id, Looks(time_s, time_s))
         looks.last_s = time_s
         whole = (
             one.x > 1
@@ -84,7 +92,7 @@ class Sizer:
             looks.variance += (found.longest_mm.spread / found.longest_mm.value) ** 2
         return replace(one, size=self._told(found, looks))
 
-    def _told(self, found: OnBelt, looks: _Looks) -> LumpSize:
+    def _told(self, found: OnBelt, looks: Looks) -> LumpSize:
         lip = found.lip_s
         size = LumpSize(
             speed_m_s=found.speed_m_s.value,

@@ -16,6 +16,7 @@ from service.bus.ordered import Message
 from service.detection import Detection, LumpSize
 from service.report import Clocks
 from service.store.events import Entry, KeptRecord
+from service.store.notes import Note
 from service.telemetry.metrics import MonitorMetrics
 from tests.service_helpers import camera, frame
 from tests.test_messages import FOUND, RESULT, STARTING
@@ -39,6 +40,10 @@ class World:
     def write(self, entries: Sequence[Entry]) -> bool:
         self.seen.append(("log", [entry.event for entry in entries]))
         return True
+
+    def add(self, notes: Sequence[Note], *, wait: bool) -> bool:
+        self.seen.append(("notes", list(notes)))
+        return wait
 
     def published(self, sent: Sequence[tuple[str, str]]) -> None:
         self.seen.append(("sent", list(sent)))

@@ -20,12 +20,12 @@ import pytest
 from service.cli import main
 from service.cli.alarms import describe_alarm, describe_state
 from service.cli.events import moment
-from service.cli.operate import seconds
 from service.config import load
 from service.errors import ConfigError
 from service.store.events import Entry, EventLog, event_file
 from service.store.prior import encode
 from service.store.priors import PriorStore, read_file
+from service.timespan import seconds
 from tests.service_helpers import prior, site_tree
 from tests.test_bus_support import free_endpoint
 from tests.test_event_log import event

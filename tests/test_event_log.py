@@ -43,6 +43,7 @@ class Counting:
     def __init__(self) -> None:
         self.written = 0
         self.waiting = 0
+        self.removed = 0
         self.problems: Counter[str] = Counter()
 
     def events_written(self, count: int) -> None:
@@ -50,6 +51,9 @@ class Counting:
 
     def events_waiting(self, count: int) -> None:
         self.waiting = count
+
+    def events_removed(self, count: int) -> None:
+        self.removed += count
 
     def event_problem(self, reason: str, count: int = 1) -> None:
         self.problems[reason] += count

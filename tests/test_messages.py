@@ -175,6 +175,7 @@ def test_what_an_alarm_record_says() -> None:
         "reason": None,
         "until": None,
         "prior": 4,
+        "evidence": None,
     }
     assert data["objects"] == [
         {

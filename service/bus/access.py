@@ -9,7 +9,7 @@ from __future__ import annotations
 from service.bus.keys import Kind
 from service.config.bus import AccessConfig
 
-COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.PROOF)
+COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.VERDICT, Kind.PROOF)
 """Queries that operators may send."""
 SIGNALS = (Kind.SUPPRESS,)
 """Puts and queries that plant control may send."""
@@ -23,6 +23,7 @@ READABLE = (
     Kind.ALARM,
     Kind.TEST,
     Kind.LEVEL,
+    Kind.EVIDENCE,
     Kind.PRIOR,
     Kind.SHADOW,
     Kind.ALIVE,

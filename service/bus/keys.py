@@ -26,6 +26,8 @@ class Kind(StrEnum):
     UNSHELVE = "unshelve"
     SERVICE = "service"
     SUPPRESS = "suppress"
+    VERDICT = "verdict"
+    EVIDENCE = "evidence"
     PRIOR = "prior"
     PROOF = "proof"
     TEST = "test"
@@ -44,6 +46,8 @@ _OF_ROI = frozenset(
         Kind.UNSHELVE,
         Kind.SERVICE,
         Kind.SUPPRESS,
+        Kind.VERDICT,
+        Kind.EVIDENCE,
         Kind.PRIOR,
         Kind.PROOF,
         Kind.TEST,
@@ -132,6 +136,18 @@ class Keys:
     def suppress(self, camera: str, roi: str) -> str:
         """Put or query by which the plant suppresses the ROI's alarm."""
         return self._of_roi(camera, roi, Kind.SUPPRESS)
+
+    def verdict(self, camera: str, roi: str) -> str:
+        """Query that says whether an alarm of the ROI was true."""
+        return self._of_roi(camera, roi, Kind.VERDICT)
+
+    def evidence(self, camera: str, roi: str) -> str:
+        """Query for the evidence of the ROI's alarms."""
+        return self._of_roi(camera, roi, Kind.EVIDENCE)
+
+    def all_evidence(self) -> str:
+        """Selector: the evidence of all ROIs."""
+        return f"{self._root}/*/*/{Kind.EVIDENCE}"
 
     def prior(self, camera: str, roi: str) -> str:
         """Query for the prior that the ROI uses."""

@@ -31,6 +31,10 @@ _MODULES = {
     "alarms": ("alarms",),
     "operate": ("ack", "shelve", "unshelve", "service"),
     "events": ("events",),
+    "evidence": ("evidence",),
+    "verdict": ("verdict",),
+    "labels": ("labels",),
+    "report": ("report",),
     "proof": ("proof",),
     "simulate": ("simulate",),
 }

@@ -16,14 +16,14 @@ from rich.console import Console
 from rich.table import Table
 
 from service.cli.common import Commands, add_command, camera_of
-from service.cli.operate import seconds
 from service.config import load
 from service.errors import ConfigError
 from service.store.events import Event, EventLogError, event_file, read_events
+from service.timespan import seconds
 
 _COLUMNS = (
     "time", "monotonic_s", "camera", "roi", "class", "change", "before", "after", "actor", "reason",
-    "existence", "frame", "id", "sequence",
+    "existence", "frame", "id", "sequence", "evidence", "lip_s", "longest_mm",
 )  # fmt: skip
 _WIDE = 240
 """Columns of a table that goes to a file or a pipe: nothing is folded."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
 from pathlib import Path
 
 from service.alarms import AlarmClass
@@ -14,10 +13,9 @@ from service.cli.alarms import as_client, ask_one
 from service.cli.common import Commands, add_command, camera_of, roi_of
 from service.config import load
 from service.errors import ConfigError
+from service.timespan import seconds
 
 _WHERE = "--camera crusher-1 --roi apron --actor anna"
-_PART = re.compile(r"(\d+(?:\.\d+)?)([smhd]?)")
-_UNITS_S = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
 def add(commands: Commands) -> None:
@@ -103,15 +101,6 @@ def service(arguments: argparse.Namespace) -> int:
     if not arguments.reason:
         raise ConfigError("service out needs --reason TEXT")
     return _ask(arguments, "service", {"state": "out", "reason": arguments.reason})
-
-
-def seconds(text: str) -> float:
-    """A span such as 90s, 30m or 1h30m; raises ConfigError."""
-    parts = _PART.findall(text)
-    span_s = sum(float(number) * _UNITS_S[unit] for number, unit in parts)
-    if "".join(number + unit for number, unit in parts) != text or not span_s > 0:
-        raise ConfigError(f"'{text}' is not a time such as 90s, 30m or 1h30m")
-    return span_s
 
 
 def _ask(arguments: argparse.Namespace, what: str, parameters: dict[str, str]) -> int:

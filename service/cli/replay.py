@@ -11,7 +11,10 @@ from rich.console import Console
 from rich.table import Table
 
 from service.cli.common import Commands, add_command, camera_of, progress
-from service.config import CameraConfig, SiteConfig, load
+from service.config import CameraConfig, load
+from service.errors import ConfigError
+from service.evidence.meta import read_evidence
+from service.evidence.replay import load_camera, replay_evidence
 from service.frames import Frame
 from service.pipeline import CameraPipeline, RoiResult
 from service.readiness import check_priors
@@ -32,9 +35,28 @@ def add(commands: Commands) -> None:
         "Run a camera's pipeline on a video file or a folder of images, as fast as it goes.",
         "lumpwatch replay site.yaml clip.mp4 --camera crusher-1 --out out --plot --overlay",
     )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument("video", type=Path, metavar="VIDEO", help="video file or folder of images")
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera whose ROIs look at the file")
+    parser.add_argument(
+        "config",
+        type=Path,
+        nargs="?",
+        metavar="CONFIG",
+        help="configuration file (YAML); not with --evidence",
+    )
+    parser.add_argument(
+        "video",
+        type=Path,
+        nargs="?",
+        metavar="VIDEO",
+        help="video file or folder of images; not with --evidence",
+    )
+    parser.add_argument("--camera", metavar="ID", help="camera whose ROIs look at the file")
+    parser.add_argument(
+        "--evidence",
+        type=Path,
+        metavar="DIR",
+        help="replay the evidence of an alarm instead, from the filter state that it holds, and compare the "
+        "decisions with those made live; exit code 1 where they differ",
+    )
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for the results")
     parser.add_argument("--plot", action="store_true", help="draw the existence curve of each ROI (PNG)")
     parser.add_argument(
@@ -50,6 +72,11 @@ def add(commands: Commands) -> None:
 
 def replay(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.evidence is not None:
+        return _evidence(arguments)
+    missing = [name for name in ("config", "video", "camera") if getattr(arguments, name) is None]
+    if missing:
+        raise ConfigError(f"replay needs CONFIG, VIDEO and --camera, or --evidence; {missing[0]} is missing")
     config = load(arguments.config)
     camera = camera_of(config, arguments.camera)
     check_priors(config.model_copy(update={"cameras": (camera,)}))
@@ -71,12 +98,36 @@ def replay(arguments: argparse.Namespace) -> int:
         )
     if curves is not None:
         curves.save(arguments.out / "existence.png")
-    _print(summary, config, arguments.out, time.perf_counter() - started)
+    _print(summary, arguments.out, time.perf_counter() - started)
     if shadow is not None:
         shadow.save(arguments.out / "shadow.json")
         for state in shadow.states():
             print("\n".join(lines_of(state)))  # noqa: T201
     return 0
+
+
+def _evidence(arguments: argparse.Namespace) -> int:
+    """Evidence in the place of a recording."""
+    if arguments.config or arguments.video or arguments.camera:
+        raise ConfigError("replay --evidence brings its own configuration, prior and camera; leave them out")
+    found = read_evidence(arguments.evidence)
+    started = time.perf_counter()
+    with ExitStack() as stack:
+        watchers: list[Watcher] = []
+        curves = _plot(arguments, watchers)
+        _overlay(arguments, load_camera(found), stack, watchers)
+        compared = replay_evidence(found, arguments.out, tuple(watchers))
+    if curves is not None:
+        curves.save(arguments.out / "existence.png")
+    _print(compared.summary, arguments.out, time.perf_counter() - started)
+    if compared.equal:
+        print(f"the same decisions as live on all {compared.frames} frames")  # noqa: T201
+        return 0
+    why = "" if found.meta.exact else " (a tracker's background is not part of evidence)"
+    raise ReplayError(
+        f"{arguments.evidence}: other decisions than live from frame {compared.same + 1} "
+        f"of {compared.frames} on{why}"
+    )
 
 
 def _plot(arguments: argparse.Namespace, watchers: list[Watcher]):  # type: ignore[no-untyped-def]
@@ -108,7 +159,7 @@ def _overlay(
     watchers.append(overlay.write)
 
 
-def _print(summary: Summary, config: SiteConfig, out: Path, seconds: float) -> None:
+def _print(summary: Summary, out: Path, seconds: float) -> None:
     table = Table(title=f"{summary.video}: {summary.frames} frames, {summary.duration_s:.1f} s")
     for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "highest existence", "prior"):
         table.add_column(heading)

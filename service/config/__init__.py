@@ -4,6 +4,7 @@ from service.config.alarm import AlarmConfig
 from service.config.bus import BusConfig
 from service.config.cameras import CameraConfig, RoiConfig
 from service.config.detector import DetectorConfig
+from service.config.evidence import EvidenceConfig, ShiftsConfig
 from service.config.jdt import (
     ExistenceConfig,
     HistogramConfig,
@@ -23,6 +24,7 @@ __all__ = [
     "BusConfig",
     "CameraConfig",
     "DetectorConfig",
+    "EvidenceConfig",
     "ExistenceConfig",
     "HistogramConfig",
     "ImmPfConfig",
@@ -33,6 +35,7 @@ __all__ = [
     "MotionConfig",
     "NetworkConfig",
     "RoiConfig",
+    "ShiftsConfig",
     "SiteConfig",
     "SourceConfig",
     "StoreConfig",

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from service.config.base import Id, PositiveSeconds, Strict
 from service.config.bus import BusConfig
 from service.config.cameras import CameraConfig
+from service.config.evidence import Days, EvidenceConfig, ShiftsConfig
 
 
 class StoreConfig(Strict):
@@ -21,6 +22,10 @@ class StoreConfig(Strict):
     """How many versions of each prior are kept."""
     poll_s: PositiveSeconds = 1.0
     """How often a running daemon looks for a new prior."""
+    keep_events_days: Days = 730.0
+    """How long the event log keeps what is over and acknowledged."""
+    keep_events: int = Field(default=1_000_000, ge=100)
+    """How many events each camera's event log keeps; the oldest go first."""
 
 
 class TelemetryConfig(Strict):
@@ -55,6 +60,10 @@ class SiteConfig(Strict):
     """The daemon's own files."""
     telemetry: TelemetryConfig = TelemetryConfig()
     """Metrics and health."""
+    evidence: EvidenceConfig = EvidenceConfig()
+    """Clips of the frames around an alarm."""
+    shifts: ShiftsConfig = ShiftsConfig()
+    """When shifts begin, for reports."""
     cameras: Annotated[tuple[CameraConfig, ...], Field(min_length=1, max_length=64)]
     """The cameras that this daemon watches."""
 

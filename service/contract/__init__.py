@@ -7,6 +7,7 @@ import json
 from pydantic import BaseModel
 
 from service.bus.codec import FrameHeader
+from service.evidence.meta import EvidenceMeta
 from service.messages import AlarmEvent, Heartbeat, Level, StateLine, StateMessage
 from service.proof.messages import BlendPlan, BlendReply, ProofRequest, ProofResult
 from service.requests import (
@@ -37,6 +38,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "proof-result": ProofResult,
     "blend": BlendPlan,
     "blend-reply": BlendReply,
+    "evidence": EvidenceMeta,
 }
 """By the name under which `lumpwatch schema` prints them."""
 

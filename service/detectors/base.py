@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
 
 from models.learning.learned import Learned
 from models.roi import Image, Roi
 from models.state import Belief
 from service.detection import Detection
+from service.errors import LumpwatchError
 
 LONGEST_STEP_S = 2.0
 """After a longer gap between frames the objects may be anywhere: the search starts anew."""
 SHOWN_ABOVE = 0.5
 """Existence from which an object is told of."""
+
+
+class StateMismatchError(LumpwatchError):
+    """A stored state is not one of this detector."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilterState:
+    """All that changes in a filter from frame to frame, as plain data."""
+
+    plain: dict[str, Any]
+    """What JSON can hold: numbers of objects, the random generator."""
+    arrays: dict[str, NDArray[Any]]
+    """Copies of the filter's arrays."""
 
 
 class Detector(Protocol):
@@ -30,3 +48,9 @@ class Detector(Protocol):
 
     def clouds(self) -> tuple[Belief, ...]:
         """All particle clouds after the last step, for overlays and plots."""
+
+    def state(self) -> FilterState | None:
+        """What the next step depends on; None where this kind of detector cannot tell."""
+
+    def restore(self, state: FilterState) -> None:
+        """Go on from a state of a detector with the same configuration and prior. Raises StateMismatchError."""

@@ -17,7 +17,8 @@ from models.roi import Image, Roi
 from models.state import VX, VY, Belief, Estimate, H, W, X, Y
 from service.config.jdt import JdtConfig
 from service.detection import DetectedObject, Detection
-from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE
+from service.detectors import jdt_state
+from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE, FilterState
 from service.detectors.filters import DEFAULT_INTERVAL_S, make_filter, make_likelihood
 
 
@@ -50,6 +51,12 @@ class _Engine(Protocol):
 
     def clouds(self) -> tuple[Belief, ...]:
         """All particle clouds."""
+
+    def state(self) -> FilterState:
+        """All that changes, but the random generator."""
+
+    def restore(self, state: FilterState) -> None:
+        """Go on from there. Raises StateMismatchError."""
 
 
 class _One:
@@ -87,6 +94,12 @@ class _One:
     def clouds(self) -> tuple[Belief, ...]:
         return (self._belief,)
 
+    def state(self) -> FilterState:
+        return jdt_state.of_one(self._belief, self._id, self._present)
+
+    def restore(self, state: FilterState) -> None:
+        self._belief, self._id, self._present = jdt_state.to_one(state, len(self._belief.exists))
+
 
 class _Several:
     """Several objects."""
@@ -121,6 +134,12 @@ class _Several:
     def clouds(self) -> tuple[Belief, ...]:
         return (*(track.belief for track in self._belief.tracks), self._belief.search)
 
+    def state(self) -> FilterState:
+        return jdt_state.of_several(self._belief)
+
+    def restore(self, state: FilterState) -> None:
+        self._belief = jdt_state.to_several(state, len(self._belief.search.exists))
+
 
 def _mixed(single: JdtFilter, existence: float, dt: float) -> float:
     p_birth, p_death = single.chain.probabilities(dt)
@@ -137,6 +156,7 @@ class JdtDetector:
         self._likelihood = make_likelihood(config, learned)
         self._appearance = HistogramAppearance()
         single, rng = make_filter(config, roi, learned), np.random.default_rng(config.seed)
+        self._rng = rng
         self._engine: _Engine = _Several(single, rng, config.objects) if config.several else _One(single, rng)
 
     def use(self, learned: Learned | None) -> None:
@@ -152,6 +172,16 @@ class JdtDetector:
     def clouds(self) -> tuple[Belief, ...]:
         """All particle clouds after the last step, for overlays and plots."""
         return self._engine.clouds()
+
+    def state(self) -> FilterState:
+        """Belief, identities and random generator after the last step."""
+        state = self._engine.state()
+        return replace(state, plain={**state.plain, "random": self._rng.bit_generator.state})
+
+    def restore(self, state: FilterState) -> None:
+        """Go on from there, bit by bit as the filter that told it. Raises StateMismatchError."""
+        self._engine.restore(state)
+        jdt_state.set_random(self._rng, state.plain.get("random"))
 
     def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
         """One working picture (h, w), `dt` seconds after the last."""

@@ -15,7 +15,7 @@ from models.state import Belief
 from models.tracked import TrackedObject
 from service.config.trackers import ImmPfConfig, JpdaConfig
 from service.detection import DetectedObject, Detection
-from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE
+from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE, FilterState, StateMismatchError
 from service.detectors.filters import DEFAULT_INTERVAL_S, make_models, make_profile
 from service.detectors.tracker_parts import make_foreground, make_imm_pf, make_jpda
 
@@ -54,6 +54,14 @@ class TrackerDetector:
             self._tracker = make_imm_pf(self._config, models, profile, self._foreground, self._rng)
         else:
             self._tracker = make_jpda(self._config, models, self.roi, self._foreground)
+
+    def state(self) -> FilterState | None:
+        """None: the background model learned over hours cannot be carried over."""
+        return None
+
+    def restore(self, state: FilterState) -> None:
+        """Not possible. Raises StateMismatchError."""
+        raise StateMismatchError("a tracker cannot go on from a stored state")
 
     def clouds(self) -> tuple[Belief, ...]:
         """None: a tracker shows its model shares instead."""

@@ -14,6 +14,7 @@ import sqlite3
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
@@ -29,6 +30,7 @@ from service.store.events import (
     is_corrupt,
     read_events,
 )
+from service.store.notes import Note
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +38,9 @@ WAIT_S = 0.25
 RETRY_S = 5.0
 MOST_WAITING = 10_000
 _CLOSE_S = 1.5
+PRUNE_EVERY_S = 3600.0
+PRUNE_AT_ONCE = 500
+"""Rows that retention removes before it looks whether an alarm waits."""
 
 
 class EventObserver(Protocol):
@@ -50,6 +55,17 @@ class EventObserver(Protocol):
     def events_waiting(self, count: int) -> None:
         """Events that are not on the disk yet."""
 
+    def events_removed(self, count: int) -> None:
+        """Rows that retention has removed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Retention:
+    """What the log keeps of what is over and acknowledged."""
+
+    days: float
+    events: int
+
 
 class EventWriter:
     """The log of one camera: what it held at the start, and the way to write more."""
@@ -62,6 +78,7 @@ class EventWriter:
         wall: Callable[[], float],
         retry_s: float = RETRY_S,
         open_log: Callable[[Path, bool], EventLog] = lambda path, check: EventLog(path, check=check),
+        retention: Retention | None = None,
     ) -> None:
         """Opens and reads the log; never raises for what is wrong with it."""
         self._path = event_file(store, camera)
@@ -69,6 +86,7 @@ class EventWriter:
         self._wall = wall
         self._retry_s = retry_s
         self._open_log = open_log
+        self._retention = retention
         self._log: EventLog | None = None
         self._told = ""
         self._latest: dict[tuple[str, AlarmClass], Event] = {}
@@ -79,6 +97,7 @@ class EventWriter:
         if not self._attempt(self._start):
             self._start_reading()
         self._first = dict(self._latest)
+        self._removed = 0
         self._batches: deque[_Batch] = deque()
         self._waiting = 0
         self._ill = self._log is None
@@ -100,15 +119,21 @@ class EventWriter:
 
     def write(self, entries: Sequence[Entry]) -> bool:
         """Whether the events are on the disk now; returns within `WAIT_S`."""
-        batch = _Batch(tuple(entries))
+        return self._hand_over(_Batch(tuple(entries)))
+
+    def add(self, notes: Sequence[Note], *, wait: bool) -> bool:
+        """The same for verdicts and spans of watching; without `wait` they are written some time later."""
+        return self._hand_over(_Batch((), notes=tuple(notes)), wait)
+
+    def _hand_over(self, batch: _Batch, wait: bool = True) -> bool:
         with self._wake:
-            if self._waiting + len(entries) > MOST_WAITING:
-                self._observer.event_problem("lost", len(entries))
+            if self._waiting + batch.rows > MOST_WAITING:
+                self._observer.event_problem("lost", batch.rows)
                 return False
-            self._waiting += len(entries)
+            self._waiting += batch.rows
             self._batches.append(batch)
             self._wake.notify()
-            if self._ill:
+            if self._ill or not wait:
                 return False
         if not batch.done.wait(WAIT_S):
             self._observer.event_problem("late")
@@ -131,16 +156,23 @@ class EventWriter:
         self._thread.join(_CLOSE_S)
 
     def _run(self) -> None:
+        pruning = True
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._batches or self._closed)
-                if not self._batches:
+                self._wake.wait_for(lambda: self._batches or self._closed, 0.0 if pruning else PRUNE_EVERY_S)
+                if not self._batches and self._closed:
                     break
-                batch = self._batches[0]
+                batch = self._batches[0] if self._batches else None
+            if batch is None:
+                self._removed = 0
+                if self._log is not None and self._retention is not None:
+                    self._attempt(self._prune)
+                pruning = self._removed >= PRUNE_AT_ONCE
+                continue
             if self._attempt(lambda batch=batch: self._store(batch)):  # type: ignore[misc]
                 with self._wake:
                     self._batches.popleft()
-                    self._waiting -= len(batch.entries)
+                    self._waiting -= batch.rows
                     self._ill = False
                     batch.finish(written=True)
                 self._observer.events_written(len(batch.entries))
@@ -198,8 +230,17 @@ class EventWriter:
         if batch.entries:
             self._log.append(batch.entries)
             self._latest |= {(one.event.roi, one.event.alarm_class): one.event for one in batch.entries}
+        if batch.notes:
+            self._log.add(batch.notes)
         if batch.sent:
             self._log.published(batch.sent)
+
+    def _prune(self) -> None:
+        """One step of retention, so short that no alarm waits for it."""
+        if self._log is not None and self._retention is not None:
+            before_s = self._wall() - self._retention.days * 86_400.0
+            self._removed = self._log.prune(before_s, self._retention.events, PRUNE_AT_ONCE)
+            self._observer.events_removed(self._removed)
 
     def _drop(self) -> None:
         if self._log is not None:
@@ -236,9 +277,16 @@ class EventWriter:
 class _Batch:
     """Some events, or news of what was published, and whether they are on the disk."""
 
-    def __init__(self, entries: tuple[Entry, ...], sent: tuple[tuple[str, str], ...] = ()) -> None:
+    def __init__(
+        self,
+        entries: tuple[Entry, ...],
+        sent: tuple[tuple[str, str], ...] = (),
+        notes: tuple[Note, ...] = (),
+    ) -> None:
         self.entries = entries
         self.sent = sent
+        self.notes = notes
+        self.rows = len(entries) + len(notes)
         self.done = threading.Event()
         self.written = False
 

@@ -14,37 +14,22 @@ import contextlib
 import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from service.alarms import Alarm, AlarmClass, Hold
 from service.errors import LumpwatchError
+from service.store.event_schema import FROM_VERSION_1, SCHEMA, VERSION
+from service.store.notes import Note
+from service.store.retention import prune
 
-VERSION = 1
 _CORRUPT = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _BUSY_S = 1.0
+_PAGES_AT_ONCE = 256
+"""Of 4 KiB, that are given back to the disk after a pruning: a long wait would hold up an alarm."""
 
-_SCHEMA = f"""
-BEGIN;
-CREATE TABLE events (
-    number INTEGER PRIMARY KEY AUTOINCREMENT,
-    time_s REAL NOT NULL, monotonic_s REAL NOT NULL, clock TEXT NOT NULL,
-    camera TEXT NOT NULL, roi TEXT NOT NULL, class TEXT NOT NULL,
-    change TEXT NOT NULL, before TEXT NOT NULL, after TEXT NOT NULL,
-    actor TEXT, reason TEXT, existence REAL NOT NULL, frame INTEGER NOT NULL,
-    id TEXT NOT NULL, sequence INTEGER NOT NULL, alarm TEXT NOT NULL,
-    UNIQUE (roi, id)
-) STRICT;
-CREATE INDEX events_of_alarm ON events (roi, class, number);
-CREATE INDEX events_by_time ON events (time_s);
-CREATE TRIGGER no_update BEFORE UPDATE ON events BEGIN SELECT RAISE(ABORT, 'append-only'); END;
-CREATE TRIGGER no_delete BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'append-only'); END;
-CREATE TABLE outbox (roi TEXT NOT NULL, id TEXT NOT NULL, record BLOB NOT NULL, UNIQUE (roi, id)) STRICT;
-PRAGMA user_version = {VERSION};
-COMMIT;
-"""
 # Not part of the log: the last records as they went out, for who joins the bus after a restart.
 _RECORDS = """
 CREATE TABLE IF NOT EXISTS records (
@@ -61,7 +46,7 @@ RECORDS_KEPT = 64
 """How many records of a ROI are kept; the last one of each class stays beyond that."""
 _COLUMNS = (
     "time_s", "monotonic_s", "clock", "camera", "roi", "class", "change", "before", "after",
-    "actor", "reason", "existence", "frame", "id", "sequence", "alarm",
+    "actor", "reason", "existence", "frame", "id", "sequence", "alarm", "details",
 )  # fmt: skip
 # A commit whose success could not be told is tried again: the same event is still one row.
 _INSERT = (
@@ -69,6 +54,11 @@ _INSERT = (
     "ON CONFLICT (roi, id) DO NOTHING"
 )
 _SELECT = f"SELECT {', '.join(_COLUMNS)} FROM events"
+_SELECT_1 = f"SELECT {', '.join(_COLUMNS[:-1])}, NULL FROM events"
+"""Of a log that no daemon of this version has opened yet."""
+
+
+Details = dict[str, float | str | None]
 
 
 class EventLogError(LumpwatchError):
@@ -101,6 +91,8 @@ class Event:
     """Rises by one from record to record of a ROI."""
     alarm: Alarm
     """The alarm after the event, its times on the monotonic clock."""
+    details: Details = field(default_factory=dict)
+    """More of what was known: `lip_s`, `longest_mm`, `low_mm`, `high_mm`, `evidence`."""
 
     @property
     def time(self) -> datetime:
@@ -124,6 +116,9 @@ class Event:
             "frame": self.frame,
             "id": self.id,
             "sequence": self.sequence,
+            "evidence": self.details.get("evidence"),
+            "lip_s": self.details.get("lip_s"),
+            "longest_mm": self.details.get("longest_mm"),
         }
 
     def alarm_now(self, monotonic_s: float, wall_s: float, clock: str) -> Alarm:
@@ -205,14 +200,20 @@ class EventLog:
     def _prepare(self, *, check: bool) -> None:
         version = self._db.execute("PRAGMA user_version").fetchone()[0]
         new = version == 0 and self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
-        if version != VERSION and not new:
+        if version not in (1, VERSION) and not new:
             raise _Foreign(f"is of version {version}, expected {VERSION}")
+        if new:
+            self._db.execute("PRAGMA auto_vacuum = INCREMENTAL")
         self._db.execute("PRAGMA journal_mode = WAL")
         self._db.execute("PRAGMA synchronous = FULL")
         if check and (problem := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
             raise _Foreign(problem)
         if new:
-            self._db.executescript(_SCHEMA)
+            self._db.executescript(SCHEMA)
+        elif version == 1:
+            self._db.executescript(FROM_VERSION_1)
+            self._db.execute("PRAGMA auto_vacuum = INCREMENTAL")
+            self._db.execute("VACUUM")
         self._db.execute(_RECORDS)
 
     def close(self) -> None:
@@ -257,6 +258,20 @@ class EventLog:
         with self._transaction():
             self._db.executemany("DELETE FROM outbox WHERE roi = ? AND id = ?", sent)
 
+    def add(self, notes: Iterable[Note]) -> None:
+        """Write spans of watching and verdicts, all or none; they are on the disk when this returns."""
+        with self._transaction():
+            for note in notes:
+                self._db.execute(note.INSERT, note.row())
+
+    def prune(self, before_s: float, most: int, at_once: int) -> int:
+        """Forget what is over, acknowledged and older, or too much; how many rows went. See `retention`."""
+        with self._transaction():
+            removed = prune(self._db, self.latest(), before_s, most, at_once)
+        # `execute` would give back a single page: it does not step through statements without rows.
+        self._db.executescript(f"PRAGMA incremental_vacuum({_PAGES_AT_ONCE})")
+        return removed
+
     def unpublished(self) -> list[tuple[str, str, bytes]]:
         """ROI, id and record of those that may not be on the bus, oldest first."""
         return self._db.execute("SELECT roi, id, record FROM outbox ORDER BY rowid").fetchall()
@@ -284,6 +299,18 @@ def read_events(path: Path, since_s: float | None = None) -> Iterator[Event]:
 
     Opens the file read-only. Raises EventLogError.
     """
+    since = "" if since_s is None else "WHERE time_s >= ?"
+    arguments = () if since_s is None else (since_s,)
+    with reading(path) as db:
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        select = _SELECT_1 if version == 1 else _SELECT
+        for row in db.execute(f"{select} {since} ORDER BY number", arguments):
+            yield _event(row)
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """The file open for reading only. Raises EventLogError for whatever goes wrong within, too."""
     if not path.is_file():
         raise EventLogError(f"{path}: there is no event log (nothing has happened yet, or another store)")
     # Without a journal nobody writes, and a folder that cannot be written could not take one either.
@@ -291,10 +318,7 @@ def read_events(path: Path, since_s: float | None = None) -> Iterator[Event]:
     try:
         db = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True, timeout=_BUSY_S)
         with contextlib.closing(db):
-            since = "" if since_s is None else "WHERE time_s >= ?"
-            arguments = () if since_s is None else (since_s,)
-            for row in db.execute(f"{_SELECT} {since} ORDER BY number", arguments):
-                yield _event(row)
+            yield db
     except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
         raise EventLogError(f"{path}: cannot be read ({error})") from error
 
@@ -304,13 +328,14 @@ def _row(event: Event) -> tuple[object, ...]:
     return (
         event.time_s, event.monotonic_s, event.clock, event.camera, event.roi, event.alarm_class.value,
         event.change, event.before, event.after, event.actor, event.reason, event.existence, event.frame,
-        event.id, event.sequence, alarm_text(event.alarm),
+        event.id, event.sequence, alarm_text(event.alarm), json.dumps(event.details) if event.details else None,
     )  # fmt: skip
 
 
 def _event(row: tuple[Any, ...]) -> Event:
     values = list(row)
-    values[5], values[-1] = AlarmClass(values[5]), alarm_of(values[-1])
+    values[5], values[15] = AlarmClass(values[5]), alarm_of(values[15])
+    values[16] = {} if values[16] is None else dict(json.loads(values[16]))
     return Event(*values)
 
 

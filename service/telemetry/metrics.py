@@ -173,6 +173,39 @@ class MonitorMetrics(_FrameMetrics):
             ("camera",),
             registry=registry,
         )
+        self._events_removed = Counter(
+            "lumpwatch_events_removed",
+            "Rows that the event log has forgotten after their time.",
+            ("camera",),
+            registry=registry,
+        )
+        self._evidence = Counter(
+            "lumpwatch_evidence_written", "Clips with all that belongs to them.", labels, registry=registry
+        )
+        self._evidence_problems = Counter(
+            "lumpwatch_evidence_problems",
+            "Evidence that was not kept; reason is memory, unwritable or disk_full.",
+            ("camera", "reason"),
+            registry=registry,
+        )
+        self._evidence_removed = Counter(
+            "lumpwatch_evidence_removed",
+            "Evidence that was removed; reason is age or space.",
+            ("camera", "reason"),
+            registry=registry,
+        )
+        self._evidence_bytes = Gauge(
+            "lumpwatch_evidence_stored_bytes",
+            "Evidence of the camera on the disk.",
+            ("camera",),
+            registry=registry,
+        )
+        self._pre_roll = Gauge(
+            "lumpwatch_evidence_pre_roll_seconds",
+            "How much lies in memory for the next clip; below pre_roll_s where memory_mb is too small.",
+            ("camera",),
+            registry=registry,
+        )
         self._effective = gauge("lumpwatch_effective_particles", "Effective number of particles.")
         self._fallback = gauge(
             "lumpwatch_switching_fallback_ratio",
@@ -218,13 +251,20 @@ class MonitorMetrics(_FrameMetrics):
             self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
             self._blind.labels(camera, roi).set(1)
-            for request in ("ack", "shelve", "unshelve", "service", "suppress"):
+            for request in ("ack", "shelve", "unshelve", "service", "suppress", "verdict"):
                 self._refused.labels(camera, roi, request)
             for alarm_class in AlarmClass:
                 for change in Change:
                     self._transitions.labels(camera, roi, alarm_class.value, change.value)
         self._written.labels(camera)
         self._events_waiting.labels(camera)
+        self._events_removed.labels(camera)
+        for roi in rois:
+            self._evidence.labels(camera, roi)
+        for reason in ("memory", "unwritable", "disk_full"):
+            self._evidence_problems.labels(camera, reason)
+        for reason in ("age", "space"):
+            self._evidence_removed.labels(camera, reason)
         for reason in ("corrupt", "unwritable", "late", "lost"):
             self._event_problems.labels(camera, reason)
 
@@ -296,6 +336,30 @@ class MonitorMetrics(_FrameMetrics):
     def event_problem(self, reason: str, count: int = 1) -> None:
         """The event log is in trouble."""
         self._event_problems.labels(self._camera, reason).inc(count)
+
+    def events_removed(self, count: int) -> None:
+        """The event log has forgotten some."""
+        self._events_removed.labels(self._camera).inc(count)
+
+    def evidence_written(self, roi: str) -> None:
+        """A clip is on the disk."""
+        self._evidence.labels(self._camera, roi).inc()
+
+    def evidence_problem(self, reason: str) -> None:
+        """Evidence was not kept."""
+        self._evidence_problems.labels(self._camera, reason).inc()
+
+    def evidence_removed(self, reason: str, count: int) -> None:
+        """Evidence had to go."""
+        self._evidence_removed.labels(self._camera, reason).inc(count)
+
+    def evidence_stored(self, size: int) -> None:
+        """Evidence on the disk, bytes."""
+        self._evidence_bytes.labels(self._camera).set(size)
+
+    def pre_roll(self, seconds: float) -> None:
+        """What lies in memory for the next clip."""
+        self._pre_roll.labels(self._camera).set(seconds)
 
     def prior(self, roi: str, version: int, age_s: float) -> None:
         """The prior in use."""

@@ -133,12 +133,14 @@ def running(
     folder: Path,
     learning: dict[str, Any] | None = None,
     latency: dict[str, float] | None = None,
+    more: str = "",
     **alarm: Any,
 ) -> Iterator[Site]:
+    """`more` is added to the configuration."""
     camera = site_tree()["cameras"][0] | ({"latency": latency} if latency else {})
     camera["rois"][0]["learning"] = learning or {}
     camera["rois"][0]["alarm"] |= alarm
-    daemon = Daemon(folder, f"  - {json.dumps(camera)}\n")
+    daemon = Daemon(folder, f"  - {json.dumps(camera)}\n{more}")
     daemon.roles = ("--only", "monitor")
     config = load(daemon.config)
     PriorStore(config.store.path).save(prior())

@@ -1,0 +1,138 @@
+"""`lumpwatch evidence`: list, show and fetch what is kept of alarms; from the store, or over the bus."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from rich.console import Console
+from rich.table import Table
+
+from service.bus.bus import Bus
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client
+from service.cli.common import Commands, add_command
+from service.config import SiteConfig, load
+from service.errors import ConfigError
+from service.evidence.meta import EvidenceError, EvidenceMeta
+from service.evidence.serve import as_json, copy, fetch
+from service.evidence.store import EvidenceStore
+from service.evidence.verdicts import verdicts_by_id
+from service.store.events import event_file
+
+_WIDE = 200
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "evidence",
+        evidence,
+        "List, show or fetch the evidence of alarms: clip without loss, still, curve and filter state.",
+        "lumpwatch evidence site.yaml fetch 001763791200000-000012 --out alarms",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("what", choices=("list", "show", "fetch"), help="what to do")
+    parser.add_argument(
+        "id",
+        nargs="?",
+        metavar="ID",
+        help="CAMERA/ROI/ID, or the id alone where it is the only one (show and fetch)",
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="where to put a copy (fetch)")
+    parser.add_argument(
+        "--bus", action="store_true", help="ask the running daemon, not the store on this disk"
+    )
+    parser.add_argument("--json", action="store_true", help="print the records as they are (list)")
+
+
+def evidence(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if (arguments.what == "list") != (arguments.id is None):
+        raise ConfigError(f"evidence {arguments.what} {'takes no' if arguments.id else 'needs an'} ID")
+    if (arguments.what == "fetch") != (arguments.out is not None):
+        raise ConfigError("evidence fetch needs --out DIR, and only that does")
+    config = load(arguments.config)
+    if not arguments.bus:
+        return _from_store(arguments, config)
+    with open_client(as_client(config.bus), wait=False) as bus:
+        return _from_bus(arguments, config, bus)
+
+
+def _from_store(arguments: argparse.Namespace, config: SiteConfig) -> int:
+    store = EvidenceStore(config.store.path)
+
+    def known(camera: str) -> dict[tuple[str, str], str]:
+        return verdicts_by_id(event_file(config.store.path, camera))
+
+    if arguments.what == "list":
+        verdicts = {camera.id: known(camera.id) for camera in config.cameras}
+        found = [as_json(one.meta, verdicts.get(one.meta.camera, {})) for one in store.listed()]
+        return _list(found, arguments.json)
+    one = store.find(arguments.id)
+    if arguments.what == "show":
+        return _show(as_json(one.meta, known(one.meta.camera)))
+    _say(f"{copy(one, arguments.out).folder}")
+    return 0
+
+
+def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> int:
+    keys = Keys(config.site)
+    found: list[dict[str, Any]] = []
+    for reply in bus.ask(keys.all_evidence(), timeout_s=10.0):
+        if reply.payload is None:
+            raise EvidenceError(f"{reply.key}: {reply.error}")
+        found += json.loads(reply.payload)
+    if arguments.what == "list":
+        return _list(sorted(found, key=lambda one: str(one["time"])), arguments.json)
+    name = arguments.id
+    wanted = [one for one in found if name in (one["id"], f"{one['camera']}/{one['roi']}/{one['id']}")]
+    if len(wanted) != 1:
+        raise EvidenceError(
+            f"{name}: the daemon has {'several of that id' if wanted else 'no such evidence'}"
+        )
+    one = wanted[0]
+    if arguments.what == "show":
+        return _show(one)
+    copied = fetch(bus, keys.evidence(one["camera"], one["roi"]), one["id"], arguments.out)
+    _say(f"{copied.folder}")
+    return 0
+
+
+def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
+    if as_lines:
+        for one in found:
+            _say(json.dumps(one))
+        return 0
+    table = Table("id", "alarm", "time (UTC)", "frames", "s", "MiB", "verdict", box=None, padding=(0, 1))
+    for told in found:
+        try:
+            meta = EvidenceMeta.model_validate(told)
+        except ValidationError:
+            continue  # of a later version
+        table.add_row(
+            meta.id,
+            f"{meta.camera}/{meta.roi} {meta.alarm_class.value} {meta.sequence}",
+            f"{meta.time:%Y-%m-%d %H:%M:%S}",
+            str(meta.frames),
+            f"{meta.pre_roll_s:.1f} + {meta.post_roll_s:.1f}",
+            f"{meta.size / (1 << 20):.1f}",
+            told.get("verdict") or "",
+        )
+    Console(highlight=False, width=None if sys.stdout.isatty() else _WIDE).print(table)
+    return 0
+
+
+def _show(one: dict[str, Any]) -> int:
+    _say(json.dumps(one, indent=2))
+    return 0
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(line + "\n")

@@ -1,0 +1,67 @@
+"""`lumpwatch labels`: verdicts of operators as labels for training."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from service.cli.common import Commands, add_command
+from service.config import load
+from service.errors import ConfigError
+from service.evidence.labels import export
+from service.evidence.meta import Evidence
+from service.evidence.store import EvidenceStore
+from service.store.events import EventLogError, event_file, reading
+from service.store.notes import Verdict, latest_verdicts
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "labels",
+        labels,
+        "Make labelled clips of judged alarms: true ones with the boxes of their tracks for `train`, false "
+        "ones as clips without a lump.",
+        "lumpwatch labels site.yaml --from-verdicts --out labelled",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "--from-verdicts",
+        action="store_true",
+        required=True,
+        help="of the alarms with a verdict and evidence",
+    )
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for clips and labels")
+
+
+def labels(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    store = EvidenceStore(config.store.path)
+    judged: dict[str, tuple[Evidence, Verdict]] = {}
+    without = 0
+    for camera in config.cameras:
+        path = event_file(config.store.path, camera.id)
+        if not path.is_file():
+            continue
+        with reading(path) as db:
+            verdicts = latest_verdicts(db)
+        kept = {(one.meta.roi, one.meta.id): one for one in store.listed(camera.id)}
+        for key, verdict in verdicts.items():
+            if key in kept:
+                judged[kept[key].meta.name] = (kept[key], verdict)
+            else:
+                without += 1
+    if not judged:
+        raise EventLogError(
+            f"{config.store.path}: no alarm has both a verdict and evidence ({without} have no evidence)"
+        )
+    if arguments.out.is_dir() and any(arguments.out.iterdir()):
+        raise ConfigError(f"--out {arguments.out}: is not empty")
+    done = export(judged, arguments.out)
+    print(  # noqa: T201
+        f"{done.true} true and {done.false} false alarms in {arguments.out}; left out: {done.unsure} unsure, "
+        f"{done.without_track} without a track, {without} without evidence"
+    )
+    return 0

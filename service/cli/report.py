@@ -1,0 +1,95 @@
+"""`lumpwatch report`: the figures of a shift from the event log, as a page."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+import time
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from service.cli.common import Commands, add_command
+from service.config import SiteConfig, load
+from service.errors import LumpwatchError
+from service.evidence.meta import STILL, EvidenceError, read_evidence
+from service.evidence.store import EvidenceStore
+from service.shift.figures import Figures, figures
+from service.shift.record import read_shift
+from service.shift.window import window
+from service.store.events import EventLogError, event_file
+
+MOST_STILLS = 100
+"""So that the page of a bad day can still be opened."""
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "report",
+        report,
+        "Report on a shift: lumps, sizes, warning and acknowledge times, blind minutes, precision and "
+        "availability, from the event log and the verdicts.",
+        "lumpwatch report site.yaml --shift last --out shift.html",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "--shift",
+        default="last",
+        metavar="WHEN",
+        help="last (default), current, a name, NAME@2026-11-22, or a time: 2026-11-22T06:00/12h",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page to write (default: none)")
+    parser.add_argument(
+        "--json",
+        nargs="?",
+        const="-",
+        metavar="FILE",
+        help="the same figures as JSON (default: standard output)",
+    )
+
+
+def report(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    now_s = time.time()
+    about = window(arguments.shift, config.shifts, now_s)
+    files = [event_file(config.store.path, camera.id) for camera in config.cameras]
+    if not any(file.is_file() for file in files):
+        raise EventLogError(f"{files[0].parent}: holds no event log (nothing has happened yet?)")
+    records = read_shift(config, about)
+    found = figures(config.site, about, records, now_s)
+    if arguments.out is not None:
+        from service.shift.page import page
+
+        zone = ZoneInfo(config.shifts.time_zone)
+        _write(arguments.out, page(found, records, about, zone, _stills(config, found)))
+    if arguments.json is not None or arguments.out is None:
+        text = json.dumps(found, indent=2) + "\n"
+        if arguments.json in (None, "-"):
+            sys.stdout.write(text)
+        else:
+            _write(Path(arguments.json), text)
+    return 0
+
+
+def _stills(config: SiteConfig, found: Figures) -> dict[tuple[str, str, str], bytes]:
+    """The newest stills of the shift's alarms; what is damaged or gone is left out."""
+    store = EvidenceStore(config.store.path)
+    stills: dict[tuple[str, str, str], bytes] = {}
+    for one in reversed(found["alarms"]):
+        if one["evidence"] is None or len(stills) == MOST_STILLS:
+            continue
+        with contextlib.suppress(EvidenceError):
+            evidence = read_evidence(store.folder(one["camera"], one["roi"], one["evidence"]))
+            stills[one["camera"], one["roi"], one["id"]] = evidence.read(STILL)
+    return stills
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise LumpwatchError(f"{path}: cannot be written ({error.strerror})") from error

@@ -1,0 +1,53 @@
+"""`lumpwatch verdict`: what an operator says of an alarm afterwards."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client, ask_one
+from service.cli.common import Commands, add_command, camera_of, roi_of
+from service.config import load
+from service.store.notes import Says
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "verdict",
+        verdict,
+        "Say whether an alarm was true; the last word counts, all are kept. For reports and training.",
+        'lumpwatch verdict site.yaml --camera crusher-1 --roi apron --alarm 12 false --by anna --note "dust"',
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("verdict", choices=tuple(one.value for one in Says), help="what the alarm was")
+    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
+    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
+        "--alarm", metavar="SEQ|ID", help="a record of the alarm, by its sequence or id (default: the last)"
+    )
+    which.add_argument("--evidence", metavar="ID", help="the alarm of that evidence")
+    parser.add_argument("--by", required=True, metavar="NAME", help="who says it; it is recorded")
+    parser.add_argument("--note", default="", metavar="TEXT", help="why")
+
+
+def verdict(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    camera = camera_of(config, arguments.camera)
+    roi = roi_of(camera, arguments.roi)
+    asked = {"actor": arguments.by, "verdict": arguments.verdict}
+    for name in ("alarm", "evidence", "note"):
+        if value := getattr(arguments, name):
+            asked[name] = value.rpartition("/")[2] if name == "evidence" else value
+    target = f"{camera.id}/{roi.id}"
+    with open_client(as_client(config.bus), wait=False) as bus:
+        told = json.loads(ask_one(bus, Keys(config.site).verdict(camera.id, roi.id), asked, target))
+    later = "" if told["written"] else " (the disk is in trouble: it is written when the disk takes it again)"
+    print(f"{target} alarm {told['sequence']}: {told['verdict']}{later}")  # noqa: T201
+    return 0

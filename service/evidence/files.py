@@ -1,0 +1,104 @@
+"""Writes the files of one piece of evidence; see `service.evidence.meta` for what they are."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+from service.config import CameraConfig
+from service.evidence.clip import sidecar, write_clip
+from service.evidence.meta import (
+    CAMERA,
+    CLIP,
+    META,
+    PRIOR,
+    STATE,
+    STATES,
+    STILL,
+    TIMES,
+    EvidenceMeta,
+    StoredFile,
+)
+from service.evidence.recorder import Clip
+from service.evidence.state import encode_state
+from service.evidence.still import still
+from service.messages import utc
+from service.report import state_line
+from service.store.prior import encode
+
+_BLOCK = 1 << 20
+
+
+def write_files(folder: Path, clip: Clip, site: str, camera: CameraConfig, software: str) -> EvidenceMeta:
+    """Write all files into an empty folder, flushed to the disk.
+
+    Raises OSError, ValueError and av.error.FFmpegError.
+    """
+    trigger, roi = clip.trigger, camera.roi(clip.trigger.roi)
+    decisive = clip.kept[clip.decisive]
+    first_s, last_s = clip.kept[0].frame.capture_s, clip.kept[-1].frame.capture_s
+    lines = [state_line(one.result(roi.id), camera.id, first_s).line() for one in clip.kept]
+    contents = {
+        TIMES: b"".join(sidecar(one.frame, one.now_s) for one in clip.kept),
+        STATES: b"".join(line + b"\n" for line in lines),
+        STATE: encode_state(clip.start),
+        CAMERA: _camera_text(camera, roi.id).encode(),
+        STILL: still(decisive, roi, trigger),
+    }
+    if clip.start.prior is not None:
+        contents[PRIOR] = encode(clip.start.prior)
+    write_clip(folder / CLIP, [one.frame for one in clip.kept])
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    result = decisive.result(roi.id)
+    meta = EvidenceMeta(
+        id=trigger.id,
+        site=site,
+        camera=camera.id,
+        roi=roi.id,
+        alarm_class=trigger.alarm_class,
+        sequence=trigger.sequence,
+        time=utc(trigger.wall_s),
+        frames=len(clip.kept),
+        decisive=clip.decisive + 1,
+        pre_roll_s=round(decisive.frame.capture_s - first_s, 3),
+        post_roll_s=round(last_s - decisive.frame.capture_s, 3),
+        ended=clip.ended,
+        existence=round(result.existence, 6),
+        prior=result.prior,
+        exact=clip.start.exact,
+        software=software,
+        files={name: _stored(folder / name) for name in sorted((CLIP, *contents))},
+    )
+    (folder / META).write_text(meta.model_dump_json(by_alias=True, indent=2) + "\n", encoding="utf-8")
+    _flush(folder / META)
+    _flush(folder)
+    return meta
+
+
+def _camera_text(camera: CameraConfig, roi: str) -> str:
+    """What a replay needs to know; the address of the source may hold a password, so it stays out."""
+    source = camera.source.model_copy(update={"url": type(camera.source.url)("evidence")})
+    alone = camera.model_copy(update={"source": source, "rois": (camera.roi(roi),)})
+    tree = alone.model_dump_json(exclude={"source": {"url"}}, indent=2)
+    return tree + "\n"
+
+
+def _stored(path: Path) -> StoredFile:
+    """Size and checksum of a file that is on the disk afterwards."""
+    digest, size = hashlib.sha256(), 0
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+            size += len(block)
+        os.fsync(file.fileno())
+    return StoredFile(size=size, sha256=digest.hexdigest())
+
+
+def _flush(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,64 @@
+"""The evidence of one camera as its monitor sees it: recorder, writer, store and the answers on the bus."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from service.bus.messages import Handler
+from service.config import SiteConfig
+from service.evidence.recorder import EvidenceObserver, Kept, Recorder, Trigger
+from service.evidence.serve import serve_evidence
+from service.evidence.store import EvidenceStore
+from service.evidence.verdicts import judged, verdicts_by_id
+from service.evidence.writer import EvidenceWriter, Origin
+from service.frames import Frame
+from service.pipeline import CameraPipeline, RoiResult
+from service.snapshot import Snapshot
+from service.store.events import event_file
+
+
+class EvidenceKeeper:
+    """Used under the monitor's lock, but for the handlers."""
+
+    def __init__(self, config: SiteConfig, camera: str, observer: EvidenceObserver) -> None:
+        self._root = config.store.path
+        self._camera = camera
+        self._store = EvidenceStore(config.store.path)
+        origin = Origin(config.site, config.camera(camera), version("lumpwatch"))
+        self._writer = EvidenceWriter(
+            self._store, origin, config.evidence, observer, lambda: judged(config.store.path)
+        )
+        self._recorder = Recorder(config.evidence, observer, self._writer.submit, self._writer.waiting)
+        self._before: dict[str, Snapshot] | None = None
+
+    def before(self, frame: Frame, pipeline: CameraPipeline) -> None:
+        """The pipeline is about to process a frame."""
+        self._before = pipeline.snapshots() if self._recorder.wants_state(frame) else None
+
+    def after(self, frame: Frame, now_s: float, results: tuple[RoiResult, ...]) -> None:
+        """It has; to be called before the results are announced."""
+        if results:
+            self._recorder.add(Kept(frame, now_s, results), self._before)
+
+    def begin(self, trigger: Trigger) -> bool:
+        """An alarm was raised; whether there will be evidence of it."""
+        return self._recorder.begin(trigger)
+
+    def tick(self, now_s: float) -> None:
+        """Time goes by without frames."""
+        self._recorder.tick(now_s)
+
+    def restart(self) -> None:
+        """Another prior is used from now on."""
+        self._recorder.restart()
+
+    def handler(self, roi: str) -> Handler:
+        """Answers the evidence queries of a ROI."""
+        return serve_evidence(
+            self._store, self._camera, roi, lambda: verdicts_by_id(event_file(self._root, self._camera))
+        )
+
+    def close(self) -> None:
+        """Write what there is."""
+        self._recorder.restart("stopped")
+        self._writer.close()

@@ -1,0 +1,144 @@
+"""Evidence over the bus: a monitor lists it and hands out files in pieces, a client puts them together.
+
+| parameters | answer |
+|---|---|
+| none, or `newest` | JSON: the newest 100, or so many, as `EvidenceMeta` with `verdict` |
+| `id` | JSON: that one |
+| `id`, `file`, `offset`, `length` | at most `length` bytes of a file from `offset` on |
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from service.bus.bus import Bus
+from service.bus.messages import Handler
+from service.evidence.meta import META, Evidence, EvidenceError, EvidenceMeta, read_evidence
+from service.evidence.store import EvidenceStore
+
+PIECE = 1 << 20
+"""Bytes of a file in one answer, unless fewer are asked for."""
+_MOST_LISTED = 1000
+
+Verdicts = Callable[[], dict[tuple[str, str], str]]
+"""Tells the verdict that counts, by ROI and evidence id."""
+
+
+def serve_evidence(store: EvidenceStore, camera: str, roi: str, verdicts: Verdicts) -> Handler:
+    """Answers the evidence queries of a ROI; errors are EvidenceError."""
+
+    def handle(parameters: dict[str, str], payload: bytes | None) -> bytes:
+        if "id" not in parameters:
+            newest = min(_number(parameters, "newest", 100), _MOST_LISTED)
+            entries = store.entries(camera, roi)[-newest:] if newest else []
+            known = verdicts()
+            return json.dumps([told for one in entries if (told := _told(one.folder, known))]).encode()
+        evidence = read_evidence(store.folder(camera, roi, parameters["id"]))
+        if "file" not in parameters:
+            return json.dumps(as_json(evidence.meta, verdicts())).encode()
+        return _piece(evidence, parameters)
+
+    return handle
+
+
+def as_json(meta: EvidenceMeta, verdicts: dict[tuple[str, str], str]) -> dict[str, Any]:
+    """Meta data with the verdict."""
+    return {**json.loads(meta.line()), "verdict": verdicts.get((meta.roi, meta.id))}
+
+
+def fetch(bus: Bus, key: str, evidence: str, out: Path) -> Evidence:
+    """Copy a piece of evidence into `out`/ROI-ID over the bus, checked. Raises EvidenceError."""
+    answer = _ask(bus, key, {"id": evidence})
+    try:
+        meta = EvidenceMeta.model_validate_json(answer)
+    except ValidationError as error:
+        raise EvidenceError(f"{key}: the answer is no evidence") from error
+
+    def fill(folder: Path) -> None:
+        (folder / META).write_bytes(meta.line() + b"\n")
+        for name, told in meta.files.items():
+            if Path(name).name != name:
+                raise EvidenceError(f"{key}: '{name}' is not the name of a file")
+            with (folder / name).open("wb") as file:
+                while file.tell() < told.size:
+                    piece = _ask(bus, key, {"id": evidence, "file": name, "offset": str(file.tell())})
+                    if not piece:
+                        raise EvidenceError(f"{key}: {name} ends after {file.tell()} of {told.size} bytes")
+                    file.write(piece)
+
+    return put_down(meta, out, fill)
+
+
+def copy(evidence: Evidence, out: Path) -> Evidence:
+    """Copy a piece of evidence from the store into `out`/ROI-ID, checked. Raises EvidenceError."""
+
+    def fill(folder: Path) -> None:
+        for name in (META, *evidence.meta.files):
+            shutil.copyfile(evidence.folder / name, folder / name)
+
+    return put_down(evidence.meta, out, fill)
+
+
+def put_down(meta: EvidenceMeta, out: Path, fill: Callable[[Path], None]) -> Evidence:
+    """Make the folder of a copy, whole or not at all. Raises EvidenceError."""
+    target = out / f"{meta.camera}.{meta.roi}.{meta.id}"
+    temporary = out / f".{target.name}.part"
+    try:
+        if target.exists():
+            raise EvidenceError(f"{target}: is there already")
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        try:
+            fill(temporary)
+            read_evidence(temporary).check()
+            temporary.rename(target)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise EvidenceError(f"{error.filename or out}: cannot be copied ({error.strerror})") from error
+    return read_evidence(target)
+
+
+def _ask(bus: Bus, key: str, parameters: dict[str, str]) -> bytes:
+    replies = bus.ask(key, parameters, timeout_s=10.0)
+    if not replies:
+        raise EvidenceError(f"{key}: nobody answers; is the daemon running and the name right?")
+    if replies[0].payload is None:
+        raise EvidenceError(f"{key}: {replies[0].error}")
+    return replies[0].payload
+
+
+def _told(folder: Path, verdicts: dict[tuple[str, str], str]) -> dict[str, Any] | None:
+    try:
+        return as_json(read_evidence(folder).meta, verdicts)
+    except EvidenceError:
+        return None
+
+
+def _piece(evidence: Evidence, parameters: dict[str, str]) -> bytes:
+    name = parameters["file"]
+    if name not in (META, *evidence.meta.files):
+        raise EvidenceError(f"file: '{name[:60]}' is none of {', '.join((META, *evidence.meta.files))}")
+    offset, length = _number(parameters, "offset", 0), _number(parameters, "length", PIECE)
+    path = evidence.folder / name
+    try:
+        with path.open("rb") as file:
+            file.seek(offset)
+            return file.read(min(length, PIECE))
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _number(parameters: dict[str, str], name: str, default: int) -> int:
+    text = parameters.get(name)
+    if text is None:
+        return default
+    if not (text.isascii() and text.isdecimal() and len(text) < 16):
+        raise EvidenceError(f"{name}: '{text[:60]}' is not a whole number of at least 0")
+    return int(text)

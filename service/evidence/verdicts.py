@@ -1,0 +1,31 @@
+"""Which evidence has a verdict, by the event logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from service.evidence.store import Entry
+from service.store.events import EventLogError, event_file, reading
+from service.store.notes import latest_verdicts
+
+
+def verdicts_by_id(path: Path) -> dict[tuple[str, str], str]:
+    """The verdicts that count in an event log, by ROI and alarm id; none where it cannot be read."""
+    try:
+        with reading(path) as db:
+            return {key: one.says.value for key, one in latest_verdicts(db).items()}
+    except EventLogError:
+        return {}
+
+
+def judged(store: Path) -> Callable[[Entry], bool]:
+    """Whether a piece of evidence has a verdict, by the event logs as they are now."""
+    known: dict[str, dict[tuple[str, str], str]] = {}
+
+    def look(entry: Entry) -> bool:
+        if entry.camera not in known:
+            known[entry.camera] = verdicts_by_id(event_file(store, entry.camera))
+        return (entry.roi, entry.id) in known[entry.camera]
+
+    return look

@@ -1,0 +1,1 @@
+"""The report of a shift: figures from the event log, as JSON and as a page."""

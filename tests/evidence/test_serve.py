@@ -1,0 +1,134 @@
+"""Evidence over the bus in pieces; the bus itself is a fake here, and real in tests/integration."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.bus.messages import Handler, Reply
+from service.errors import LumpwatchError
+from service.evidence import serve
+from service.evidence.files import write_files
+from service.evidence.meta import EvidenceError
+from service.evidence.serve import fetch, serve_evidence
+from service.evidence.store import EvidenceStore
+from tests.evidence.scene import Scene, moving
+from tests.service_helpers import camera, prior
+
+KEY = "lumpwatch/v1/pit/cam/apron/evidence"
+
+
+class FakeBus:
+    """Asks the handler directly."""
+
+    def __init__(self, handler: Handler, change: Callable[[bytes], bytes] = lambda answer: answer) -> None:
+        self.handler = handler
+        self.change = change
+        self.asked: list[dict[str, str]] = []
+
+    def ask(self, key: str, parameters: dict[str, str], timeout_s: float) -> list[Reply]:
+        self.asked.append(parameters)
+        try:
+            return [Reply(key, self.change(self.handler(parameters, None)))]
+        except LumpwatchError as error:
+            return [Reply(key, error=str(error))]
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> EvidenceStore:
+    one = camera()
+    scene = Scene(one, {"apron": prior()})
+    scene.show(2.0, lambda k: moving(k, visible=True))
+    (clip,) = scene.clips
+    made = EvidenceStore(tmp_path_factory.mktemp("store"))
+    made.write("cam", "apron", clip.trigger.id, lambda folder: write_files(folder, clip, "pit", one, "1"))
+    return made
+
+
+def bus_of(store: EvidenceStore, **more: Any) -> FakeBus:
+    return FakeBus(serve_evidence(store, "cam", "apron", lambda: {("apron", name_of(store)): "true"}), **more)
+
+
+def name_of(store: EvidenceStore) -> str:
+    return store.entries()[0].id
+
+
+def test_evidence_comes_in_pieces_and_is_checked(
+    store: EvidenceStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serve, "PIECE", 5000)
+    bus: Any = bus_of(store)
+    got = fetch(bus, KEY, name_of(store), tmp_path)
+    got.check()
+    assert got.folder == tmp_path / f"cam.apron.{name_of(store)}"
+    original = store.entries()[0].folder
+    for path in original.iterdir():
+        if path.name != "meta.json":
+            assert (got.folder / path.name).read_bytes() == path.read_bytes()
+    assert sum("offset" in one for one in bus.asked) == sum(
+        -(-told.size // 5000) for told in got.meta.files.values()
+    )
+    assert [path.name for path in tmp_path.iterdir()] == [got.folder.name]
+
+
+def test_the_list_carries_the_verdict(store: EvidenceStore) -> None:
+    bus = bus_of(store)
+    (one,) = json.loads(bus.handler({}, None))
+    assert (one["id"], one["verdict"], one["class"]) == (name_of(store), "true", "lump")
+    assert json.loads(bus.handler({"newest": "0"}, None)) == []
+    assert json.loads(bus.handler({"id": name_of(store)}, None)) == one
+
+
+@pytest.mark.parametrize(
+    ("parameters", "told"),
+    [
+        ({"id": "../../../etc"}, "is not the id of evidence"),
+        ({"id": "000000000000001-000001"}, "cannot be read"),
+        ({"file": "../meta.json"}, "is none of"),
+        ({"file": "/etc/passwd"}, "is none of"),
+        ({"file": "clip.mkv", "offset": "-1"}, "offset: '-1' is not a whole number"),
+        ({"file": "clip.mkv", "length": "all"}, "length: 'all' is not a whole number"),
+    ],
+)
+def test_what_is_asked_wrongly_is_told_so(
+    store: EvidenceStore, parameters: dict[str, str], told: str
+) -> None:
+    with pytest.raises(EvidenceError) as caught:
+        bus_of(store).handler({"id": name_of(store)} | parameters, None)
+    assert told in str(caught.value)
+
+
+def test_no_answer_is_longer_than_a_piece(store: EvidenceStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serve, "PIECE", 100)
+    asked = {"id": name_of(store), "file": "clip.mkv", "length": "1000000"}
+    assert len(bus_of(store).handler(asked, None)) == 100
+    assert bus_of(store).handler(asked | {"offset": "999999999"}, None) == b""
+
+
+def test_bytes_that_changed_on_the_way_are_no_evidence(store: EvidenceStore, tmp_path: Path) -> None:
+    def flip(answer: bytes) -> bytes:
+        return answer if answer[:1] in b"{[" else answer[:-1] + bytes([answer[-1] ^ 1])
+
+    bus: Any = bus_of(store, change=flip)
+    with pytest.raises(EvidenceError, match="its checksum does not match"):
+        fetch(bus, KEY, name_of(store), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_foreign_answer_writes_nothing_elsewhere(store: EvidenceStore, tmp_path: Path) -> None:
+    def named(answer: bytes) -> bytes:
+        told = json.loads(answer)
+        told["files"] = {"../../escaped": {"size": 1, "sha256": "00"}}
+        return json.dumps(told).encode()
+
+    bus: Any = bus_of(store, change=named)
+    with pytest.raises(EvidenceError, match="is not the name of a file"):
+        fetch(bus, KEY, name_of(store), tmp_path / "a" / "b")
+    bus = bus_of(store, change=lambda _: b"nonsense")
+    with pytest.raises(EvidenceError, match="the answer is no evidence"):
+        fetch(bus, KEY, name_of(store), tmp_path / "a" / "b")
+    assert not (tmp_path / "escaped").exists()

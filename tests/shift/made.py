@@ -1,0 +1,32 @@
+"""Events of a shift by hand."""
+
+from __future__ import annotations
+
+from service.alarms import Alarm, AlarmClass
+from service.store.events import Entry, Event
+
+BEGIN_S = 1_700_000_000.0
+"""2023-11-14 22:13:20 UTC."""
+
+
+def event(
+    at_s: float,
+    change: str,
+    sequence: int,
+    *,
+    alarm_class: AlarmClass = AlarmClass.LUMP,
+    alarm: Alarm = Alarm(),  # noqa: B008 - immutable
+    roi: str = "apron",
+    actor: str | None = None,
+    clock: str = "boot",
+    **details: float | str | None,
+) -> Event:
+    """`at_s` seconds after BEGIN_S."""
+    return Event(
+        BEGIN_S + at_s, 500.0 + at_s, clock, "cam", roi, alarm_class, change, "", "", actor, None, 0.95,
+        sequence, f"id-{sequence:06d}", sequence, alarm, dict(details),
+    )  # fmt: skip
+
+
+def entry(*arguments: object, **more: object) -> Entry:
+    return Entry(event(*arguments, **more), b"{}")  # type: ignore[arg-type]
