@@ -44,7 +44,7 @@ def messages_page() -> str:
         parts += [
             _model(name, inner)
             for name, inner in schema.get("$defs", {}).items()
-            if model is not StateLine and "properties" in inner
+            if model is not StateLine and ("properties" in inner or name == "BlindReason")
         ]
     return "\n".join(dict.fromkeys(parts))
 

@@ -7,7 +7,7 @@ filter lengths are pixels of that working picture.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -52,6 +52,10 @@ class Roi:
     def shape(self) -> tuple[int, int]:
         """Height and width of the working picture."""
         return self.mask.shape[0], self.mask.shape[1]
+
+    def at(self, x: int, y: int) -> Roi:
+        """The same region elsewhere in the picture; x and y are multiples of `step`."""
+        return replace(self, x=x, y=y, corners=self.corners + np.array([x - self.x, y - self.y]))
 
     def cut(self, picture: Image, offset: tuple[int, int] = (0, 0), reduction: int = 1) -> Image:
         """Cut and scale a picture plane (h, w) or (h, w, 3) whose first pixel lies at `offset`.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 from multiprocessing.connection import Connection
 
 import numpy as np
 from prometheus_client import CollectorRegistry
 
-from models.roi import Roi, make_roi
+from models.quality.reference import thumbnail
+from models.roi import Image, Roi, make_roi
 from service.bus.errors import BusClosed
 from service.bus.keys import Keys
 from service.bus.session import open_client
@@ -90,17 +92,21 @@ def _read(source: Reconnecting, link: WorkerLink, metrics: CameraMetrics) -> Fra
 
 
 class Reducer:
-    """Cuts frames down to what the camera's regions look at, whatever the size of the picture."""
+    """Cuts frames down to what the camera's regions look at, whatever the size of the picture.
+
+    Where the quality of the picture is looked at, a thumbnail of the whole goes with it.
+    """
 
     def __init__(self, camera: CameraConfig) -> None:
         self._camera = camera
+        self._thumb: tuple[float, Image] | None = None
         self._size = (0, 0)
         self._rois: tuple[Roi, ...] = ()
 
     def __call__(self, frame: Frame) -> Frame:
         """The reduced frame; the whole frame where a region does not fit the picture: the monitor says so."""
         if (frame.width, frame.height) != self._size:
-            self._size = (frame.width, frame.height)
+            self._size, self._thumb = (frame.width, frame.height), None
             try:
                 self._rois = tuple(
                     make_roi(roi.polygon, *self._size, roi.detector.working_size_px)
@@ -108,7 +114,20 @@ class Reducer:
                 )
             except ValueError:
                 self._rois = ()
-        return reduced(frame, self._rois) if self._rois else frame
+        if not self._rois:
+            return frame
+        cut = reduced(frame, self._rois, self._camera.quality.follows * frame.width)
+        return frame if cut is frame else replace(cut, thumb=self._thumbnail(frame))
+
+    def _thumbnail(self, frame: Frame) -> Image | None:
+        """One that is not older than a check's distance: it is sent with every frame, for some are skipped."""
+        quality = self._camera.quality
+        if not (quality.enabled and quality.moved.enabled):
+            return None
+        last = self._thumb
+        if last is None or not 0.0 <= frame.capture_s - last[0] < 1.0 / quality.rate_hz:
+            self._thumb = last = frame.capture_s, thumbnail(frame.data)
+        return last[1]
 
 
 class _Watcher:

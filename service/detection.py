@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +72,13 @@ class Detection:
     """Share of particles far from all training data (jdt only)."""
     oversize: float | None = None
     """Probability that an object above the limit is there; None without a calibration."""
+
+    def moved(self, x: float, y: float) -> Detection:
+        """The same with its objects elsewhere, full-frame pixels."""
+        if not (x or y):
+            return self
+        objects = tuple(replace(one, x=one.x + x, y=one.y + y) for one in self.objects)
+        return replace(self, objects=objects)
 
     @property
     def alarming(self) -> float:

@@ -39,6 +39,10 @@ class Frame:
     reduction: int = 1
     """A pixel of `data` is the mean of this many by this many pixels of the picture (gray8 only)."""
 
+    thumb: NDArray[np.uint8] | None = None
+    """The whole picture, gray and small (h, w), for frames that hold only a part; of this frame or one
+    shortly before it."""
+
     @property
     def window(self) -> tuple[int, int, int, int]:
         """x, y, w, h of the part that `data` holds."""

@@ -21,12 +21,34 @@ class Decision(StrEnum):
 
 
 class BlindReason(StrEnum):
-    """Why a ROI cannot judge."""
+    """Why a ROI cannot judge; of several reasons the first of this list is told."""
 
     STARTING = "starting"
+    """No frame has come yet."""
     NO_STREAM = "no_stream"
+    """No frame comes."""
     STALE = "stale"
+    """Frames come late."""
     FILTER = "filter"
+    """The filter fails, or is starved of particles."""
+    OVERLOAD = "overload"
+    """Too few frames are judged, or too late."""
+    FROZEN = "frozen"
+    """The picture does not change."""
+    DARK = "dark"
+    """There is too little light."""
+    GLARE = "glare"
+    """Too much of the picture is saturated."""
+    MOVED = "moved"
+    """The camera has moved, or what it shows cannot be found in the reference."""
+    DUSTY = "dusty"
+    """A bright veil takes structure away."""
+    HIDDEN = "hidden"
+    """Too much of the region is featureless or replaced."""
+    BLURRED = "blurred"
+    """Fine structure is gone."""
+    EXPOSURE = "exposure"
+    """Hold-off after the exposure has jumped."""
 
 
 class Trouble(StrEnum):

@@ -32,6 +32,7 @@ from service.pipeline import CameraPipeline, RoiResult
 from service.prior_watch import PriorWatch
 from service.proof.chain import ProofTest, Site
 from service.proof.keeper import ProofKeeper
+from service.reference_watch import ReferenceWatch
 from service.report import Clocks
 from service.requests import ActReply
 from service.shadow.desk import ShadowDesk
@@ -40,6 +41,7 @@ from service.store.event_writer import EventWriter, Retention
 from service.store.events import event_file
 from service.store.prior import Prior, encode
 from service.store.priors import PriorStore
+from service.store.reference import ReferenceStore
 from service.telemetry.metrics import MonitorMetrics
 from service.telemetry.proof import ProofMetrics
 
@@ -97,11 +99,14 @@ class Monitor:
         self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
         store = PriorStore(config.store.path, config.store.keep_priors)
         self._priors = PriorWatch(store, camera_id, config.store.poll_s, metrics)
+        references = ReferenceStore(config.store.path, config.store.keep_priors)
+        self._references = ReferenceWatch(references, camera_id, config.store.poll_s, metrics.picture)
         self._pipeline = CameraPipeline(
             self._camera,
             {roi.id: self._priors.first(roi.id) for roi in self._camera.rois},
             metrics,
             events.alarms(time.monotonic(), time.time(), host_clock()),
+            self._references.look(time.monotonic()),
         )
         self._keys = Keys(config.site)
         self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
@@ -229,6 +234,7 @@ class Monitor:
                 self._decided_s[result.roi] = self._link.decided[result.roi] = now
                 self._metrics.decided(result.roi, now - result.frame.received_s, result.detection)
                 self._pipeline.trouble(result.roi, Trouble.LATENCY, present=self._announcer.late(result.roi))
+            self._metrics.picture.judged(result.roi, result.reason, result.quality)
             self._tell_change(result)
             self._decisions[result.roi] = result
 
@@ -272,6 +278,10 @@ class Monitor:
             self._priors.measure(roi.id, self._pipeline.prior(roi.id), time.time())
         self._shadows.look(self._pipeline.prior, now)
         self._shadows.tell(now)
+        if (reference := self._references.look(now)) is not None:
+            self._pipeline.use_reference(reference)
+        used, mount = self._pipeline.reference, self._pipeline.quality.mount
+        self._metrics.picture.mounted(used.version if used else 0, mount.shift_px, mount.follows)
 
     def _act(self, kind: Kind, roi: str) -> Handler:
         def handle(parameters: dict[str, str], payload: bytes | None) -> bytes:

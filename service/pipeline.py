@@ -34,9 +34,11 @@ from service.errors import LumpwatchError
 from service.frames import Frame
 from service.messages import BlindReason, Decision, Trouble
 from service.planes import working_colour, working_luma
+from service.quality import CameraQuality, Quality
 from service.sizing import Sizer
 from service.snapshot import Snapshot
 from service.store.prior import Prior
+from service.store.reference import Reference
 
 log = logging.getLogger(__name__)
 
@@ -100,6 +102,8 @@ class RoiResult:
     """What happened to the alarms, in order."""
     taken_s: float | None = None
     """When the pipeline got the frame, on the clock of its `received_s`; None where no frame has come yet."""
+    quality: Quality = Quality()  # noqa: RUF009 - immutable
+    """What is known of the picture."""
 
     @property
     def alarm(self) -> Alarm:
@@ -110,6 +114,11 @@ class RoiResult:
     def blind_alarm(self) -> Alarm:
         """Of class blind."""
         return self.alarms[AlarmClass.BLIND]
+
+    @property
+    def fit(self) -> bool:
+        """Whether it comes from a new frame of a picture that is fit: only such teach anything."""
+        return self.decided and self.reason is None
 
     @property
     def transition(self) -> Transition | None:
@@ -156,8 +165,9 @@ class CameraPipeline:
         priors: Mapping[str, Prior | None] | None = None,
         observer: PipelineObserver | None = None,
         alarms: Mapping[tuple[str, AlarmClass], Alarm] | None = None,
+        reference: Reference | None = None,
     ) -> None:
-        """`alarms` are those to go on with; others begin as NORMAL."""
+        """`alarms` are those to go on with; others begin as NORMAL. `reference`: of the picture's quality."""
         priors = priors or {}
         self._config = config
         self._observer: PipelineObserver = observer or Unobserved()
@@ -165,6 +175,9 @@ class CameraPipeline:
         for (roi, alarm_class), alarm in (alarms or {}).items():
             if roi in self._rois:
                 self._rois[roi].alarms[alarm_class] = alarm
+        self.reference = reference
+        """What a fit picture looks like; None: the stated defaults."""
+        self.quality = CameraQuality(config.id, config.quality, tuple(self._rois))
         self._frame: Frame | None = None
         self._last_s: float | None = None
         self._taken_s: float | None = None
@@ -192,6 +205,7 @@ class CameraPipeline:
             self._fit(frame)
         dt = DEFAULT_INTERVAL_S if last_s is None else frame.capture_s - last_s
         self._frame, self._last_s, self._taken_s = frame, frame.capture_s, now_s
+        self.quality.picture(frame, now_s)
         return tuple(self._process_roi(roi, frame, dt, now_s) for roi in self._rois.values())
 
     def look(self, now_s: float) -> tuple[RoiResult, ...]:
@@ -265,6 +279,25 @@ class CameraPipeline:
                 return
         roi.prior = prior
 
+    def use_reference(self, reference: Reference) -> None:
+        """Judge the picture by another reference from now on; one that does not fit is refused."""
+        wanted, before = reference, self.reference
+        if self._size is not None:
+            rois = {name: roi.detector.roi for name, roi in self._rois.items() if roi.detector is not None}
+            self.reference = self._fitting(wanted, *self._size) or before
+            self.quality.fit(rois, *self._size, self.reference)
+        else:
+            self.reference = wanted
+
+    def _fitting(self, reference: Reference | None, width: int, height: int) -> Reference | None:
+        try:
+            if reference is not None:
+                reference.check_fits(self._config, width, height)
+        except LumpwatchError as error:
+            log.error("%s: reference refused: %s", self._config.id, error)  # noqa: TRY400 - the line says it
+            return None
+        return reference
+
     def _refuse(self, roi: _Roi, error: LumpwatchError) -> None:
         log.error("%s/%s: prior refused: %s", self._config.id, roi.config.id, error)
         self._observer.prior_refused(roi.config.id, "unfit")
@@ -278,6 +311,9 @@ class CameraPipeline:
             roi = self._rois[roi_id]
             roi.detector, roi.prior, roi.sizer = detector, prior, sizers[roi_id]
         self._size = size
+        self.reference = self._fitting(self.reference, *size)
+        rois = {roi_id: detector.roi for roi_id, (detector, _) in made.items()}
+        self.quality.fit(rois, *size, self.reference)
 
     def _make_sizer(self, roi: RoiConfig, width: int, height: int) -> Sizer | None:
         if roi.calibration is None:
@@ -305,12 +341,17 @@ class CameraPipeline:
         assert roi.detector is not None
         started = perf_counter()
         try:
-            gray = working_luma(frame, roi.detector.roi)
-            colour = working_colour(frame, roi.detector.roi) if roi.config.detector.needs_colour else None
+            # The detector thinks where the camera looked at first; only what goes in and out is moved.
+            place, offset = self.quality.mount.placed(roi.detector.roi, frame.width, frame.height)
+            gray = working_luma(frame, place)
+            colour = working_colour(frame, place) if roi.config.detector.needs_colour else None
             cut = perf_counter()
-            roi.detection = roi.detector.step(gray, colour, dt)
+            self.quality.look(roi.config.id, gray, frame.capture_s)
+            looked = perf_counter()
+            detection = roi.detector.step(gray, colour, dt)
             if roi.sizer is not None:
-                roi.detection = roi.sizer.measure(roi.detection, frame.capture_s)
+                detection = roi.sizer.measure(detection, frame.capture_s)
+            roi.detection = detection.moved(*offset)
             roi.failed = False
         except Exception:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
@@ -322,14 +363,30 @@ class CameraPipeline:
             return self._result(roi, (), now_s)
         done = perf_counter()
         self._observer.stage("cut", roi.config.id, cut - started)
-        self._observer.stage("filter", roi.config.id, done - cut)
-        stepped = step(roi.alarms[AlarmClass.LUMP], roi.config.alarm, roi.detection.alarming, frame.capture_s)
+        self._observer.stage("quality", roi.config.id, looked - cut)
+        self._observer.stage("filter", roi.config.id, done - looked)
+        self.quality.filtered(roi.config.id, roi.detection, frame.capture_s)
+        evidence = self._evidence(roi, roi.detection.alarming)
+        stepped = step(roi.alarms[AlarmClass.LUMP], roi.config.alarm, evidence, frame.capture_s)
         return self._result(roi, roi.take(AlarmClass.LUMP, all_of(stepped)), now_s, decided=True)
+
+    def _evidence(self, roi: _Roi, alarming: float) -> float:
+        """What the lump alarm may judge: a picture that is not fit clears no alarm.
+
+        It may still raise one, except in the hold-off after the exposure has jumped.
+        """
+        quality, rules = self.quality.judged(roi.config.id), roi.config.alarm
+        if quality.reason is None and not quality.suspect:
+            return alarming
+        if roi.alarms[AlarmClass.LUMP].active:
+            return max(alarming, rules.clear_below)
+        return min(alarming, rules.raise_above) if quality.held_off else alarming
 
     def _result(
         self, roi: _Roi, changes: tuple[AlarmChange, ...], now_s: float, *, decided: bool = False
     ) -> RoiResult:
-        reason = self._blind(roi, now_s)
+        quality = self.quality.judged(roi.config.id)
+        reason = self._blind(roi, now_s) or quality.reason
         changes += self._judge_blindness(roi, reason, now_s) + self._judge_system(roi, now_s)
         for alarm_class in AlarmClass:
             changes += roi.take(alarm_class, tick(roi.alarms[alarm_class], roi.rules(alarm_class), now_s))
@@ -348,6 +405,7 @@ class CameraPipeline:
             decided,
             changes,
             self._taken_s,
+            quality,
         )
 
     def _judge_blindness(

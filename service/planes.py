@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,6 +11,13 @@ import numpy as np
 
 from models.roi import Image, Roi, halved
 from service.frames import Frame
+
+
+def luma(frame: Frame) -> Image:
+    """Luma of all that the frame holds."""
+    if frame.encoding == "bgr8":
+        return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    return frame.data[: frame.window[3]] if frame.encoding == "i420" else frame.data
 
 
 def working_luma(frame: Frame, roi: Roi) -> Image:
@@ -53,16 +61,22 @@ def to_bgr(frame: Frame) -> Image:
     return np.asarray(cv2.cvtColor(frame.data, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
-def reduced(frame: Frame, rois: Sequence[Roi]) -> Frame:
+def reduced(frame: Frame, rois: Sequence[Roi], margin_px: float = 0.0) -> Frame:
     """The part of a luma frame that the regions look at, halved as long as none of them needs more.
 
-    What the regions cut from it afterwards is the same to the byte. Other encodings stay whole.
+    `margin_px` more on each side is kept for regions that follow a camera that moved. What the regions
+    cut from it afterwards is the same to the byte. Other encodings stay whole.
     """
     if frame.encoding != "gray8" or frame.crop is not None:
         return frame
     x0, y0 = min(roi.x for roi in rois), min(roi.y for roi in rois)
     x1, y1 = max(roi.x + roi.width for roi in rois), max(roi.y + roi.height for roi in rois)
     step = min(roi.step for roi in rois)
+    # A region moves by its own steps: rounding may take it one of them further.
+    margin = math.ceil(margin_px / step) * step + (max(roi.step for roi in rois) if margin_px else 0)
+    x0, y0 = max(x0 - margin, 0), max(y0 - margin, 0)
+    x1 = min(x1 + margin, x1 + (frame.width - x1) // step * step)
+    y1 = min(y1 + margin, y1 + (frame.height - y1) // step * step)
     return replace(
         frame,
         data=halved(frame.data[y0:y1, x0:x1], step),

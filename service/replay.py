@@ -19,6 +19,7 @@ from service.frames import Frame
 from service.pipeline import CameraPipeline, RoiResult, Unobserved
 from service.report import Clocks, alarm_event, state_line
 from service.store.prior import Prior
+from service.store.reference import Reference
 
 
 class ReplayError(LumpwatchError):
@@ -96,6 +97,7 @@ def replay(
     watchers: Iterable[Watcher] = (),
     prepare: Callable[[CameraPipeline], None] = lambda _: None,
     decided_s: Callable[[Frame], float] = lambda frame: frame.received_s,
+    reference: Reference | None = None,
 ) -> Summary:
     """Run the pipeline over `frames` and write states.jsonl, alarms.jsonl and summary.json into `out`.
 
@@ -104,7 +106,7 @@ def replay(
     and the pipeline raise.
     """
     summary = Summary(site, camera.id, video, rois={roi.id: RoiSummary() for roi in camera.rois})
-    pipeline = CameraPipeline(camera, priors, _Drops(summary.dropped))
+    pipeline = CameraPipeline(camera, priors, _Drops(summary.dropped), reference=reference)
     prepare(pipeline)
     watching = tuple(watchers)
     start_s: float | None = None

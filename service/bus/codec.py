@@ -2,7 +2,8 @@
 
 The header (version 1) is `{"v": 1, "clock": str, "seq": int, "capture_ns": int, "received_ns": int,
 "wall_ns": int, "size": [w, h], "crop": [x, y, w, h] | null, "reduction": 1 | 2 | 4 …, "encoding": "gray8" |
-"i420" | "bgr8" | "jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...]}`. `encoding` is that of the payload,
+"i420" | "bgr8" | "jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...], "thumb": [h, w] | null}`. A
+thumb, the whole picture small and gray, is the end of the payload, uncompressed. `encoding` is that of the payload,
 `pixels` and `shape` those of the array that comes out of decoding. `clock` names the monotonic clock
 of `capture_ns` and `received_ns`: under another name they cannot be compared with one's own clock.
 """
@@ -28,6 +29,7 @@ _NS: Final = 1_000_000_000
 
 _Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
 _Offset = Annotated[int, Field(ge=0, lt=MAX_SIDE)]
+_ThumbSide = Annotated[int, Field(ge=1, le=512)]
 _Length = Annotated[int, Field(ge=1, le=2 * MAX_SIDE)]
 _Nanoseconds = Annotated[int, Field(gt=-(2**63), lt=2**63)]
 
@@ -49,6 +51,7 @@ class FrameHeader(BaseModel):
     encoding: Literal["gray8", "i420", "bgr8", "jpeg"]
     pixels: Encoding
     shape: Annotated[tuple[_Length, ...], Field(min_length=2, max_length=3)]
+    thumb: tuple[_ThumbSide, _ThumbSide] | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -69,21 +72,27 @@ class FrameHeader(BaseModel):
         w, h = self.crop[2:] if self.crop else self.size
         return w // self.reduction, h // self.reduction
 
+    @property
+    def thumb_length(self) -> int:
+        """Bytes of the thumb at the end of the payload."""
+        return math.prod(self.thumb) if self.thumb else 0
+
     def check_length(self, length: int) -> None:
         """Raise MalformedMessage when a payload of so many bytes cannot be that of this header."""
-        if length == 0 or (self.encoding != "jpeg" and length != math.prod(self.shape)):
+        length -= self.thumb_length
+        if length <= 0 or (self.encoding != "jpeg" and length != math.prod(self.shape)):
             raise MalformedMessage(Malformation.BAD_LENGTH)
 
 
 def encode_frame(frame: Frame, clock: str) -> tuple[bytes, bytes]:
     """Payload (raw pixels) and attachment; ValueError for a frame that contradicts itself."""
-    return frame.data.tobytes(), _header(frame, clock, frame.encoding)
+    return frame.data.tobytes() + _thumb(frame), _header(frame, clock, frame.encoding)
 
 
 def encode_jpeg(frame: Frame, quality: int, clock: str) -> tuple[bytes, bytes]:
     """Payload (JPEG, quality 1 to 100) and attachment; ValueError for a frame that contradicts itself."""
     header = _header(frame, clock, "jpeg")
-    return jpeg.encode(frame.data, frame.encoding, quality), header
+    return jpeg.encode(frame.data, frame.encoding, quality) + _thumb(frame), header
 
 
 def decode_header(attachment: bytes) -> FrameHeader:
@@ -106,6 +115,11 @@ def decode_frame(payload: bytes, attachment: bytes) -> Frame:
 def decode_pixels(payload: bytes, header: FrameHeader) -> Frame:
     """The frame of a header that was already checked; raises MalformedMessage."""
     header.check_length(len(payload))
+    thumb = None
+    if header.thumb is not None:
+        thumb = np.frombuffer(payload, np.uint8, offset=len(payload) - header.thumb_length)
+        thumb = thumb.reshape(header.thumb)
+        payload = payload[: len(payload) - header.thumb_length]
     if header.encoding == "jpeg":
         data = jpeg.decode(payload, header.pixels, *header.window_size)
     else:
@@ -121,6 +135,7 @@ def decode_pixels(payload: bytes, header: FrameHeader) -> Frame:
         data=data,
         crop=header.crop,
         reduction=header.reduction,
+        thumb=thumb,
     )
 
 
@@ -145,14 +160,23 @@ def _header(frame: Frame, clock: str, encoding: str) -> bytes:
         "pixels": frame.encoding,
         "shape": frame.data.shape,
     }
+    if frame.thumb is not None:
+        header["thumb"] = frame.thumb.shape
     return json.dumps(header, separators=(",", ":")).encode()
+
+
+def _thumb(frame: Frame) -> bytes:
+    return b"" if frame.thumb is None else frame.thumb.tobytes()
 
 
 def _reason(error: ValidationError) -> Malformation:
     problems = [(p["loc"][:1], p["type"]) for p in error.errors(include_url=False, include_context=False)]
     if (("v",), "literal_error") in problems:
         return Malformation.UNKNOWN_VERSION
-    if all(where in (("size",), ("crop",), ("shape",)) or kind == "value_error" for where, kind in problems):
+    if all(
+        where in (("size",), ("crop",), ("shape",), ("thumb",)) or kind == "value_error"
+        for where, kind in problems
+    ):
         return Malformation.BAD_SHAPE
     return Malformation.BAD_HEADER
 

@@ -25,6 +25,7 @@ _MODULES = {
     "backtest": ("backtest",),
     "train": ("train",),
     "refine": ("refine",),
+    "reference": ("reference",),
     "priors": ("priors",),
     "check": ("check",),
     "schema": ("schema",),

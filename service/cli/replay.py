@@ -24,6 +24,7 @@ from service.replay import replay as run_replay
 from service.shadow.record import summary as lines_of
 from service.shadow.recorded import ReplayShadow
 from service.store.priors import PriorStore
+from service.store.reference import ReferenceStore
 
 
 def add(commands: Commands) -> None:
@@ -82,6 +83,7 @@ def replay(arguments: argparse.Namespace) -> int:
     check_priors(config.model_copy(update={"cameras": (camera,)}))
     store = PriorStore(config.store.path, config.store.keep_priors)
     priors = {roi.id: store.current(camera.id, roi.id).prior for roi in camera.rois}
+    reference = ReferenceStore(config.store.path, config.store.keep_priors).current(camera.id).reference
     frames, length = read_frames(camera, arguments.video)
     started = time.perf_counter()
     with ExitStack() as stack:
@@ -94,7 +96,14 @@ def replay(arguments: argparse.Namespace) -> int:
         curves = _plot(arguments, watchers)
         _overlay(arguments, camera, stack, watchers)
         summary = run_replay(
-            config.site, camera, priors, frames, arguments.video.name, arguments.out, watchers
+            config.site,
+            camera,
+            priors,
+            frames,
+            arguments.video.name,
+            arguments.out,
+            watchers,
+            reference=reference,
         )
     if curves is not None:
         curves.save(arguments.out / "existence.png")

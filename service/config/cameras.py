@@ -13,6 +13,7 @@ from service.config.detector import DetectorConfig
 from service.config.jdt import JdtConfig
 from service.config.learning import LearningConfig
 from service.config.proof import ProofTestConfig
+from service.config.quality import QualityConfig
 from service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
@@ -122,6 +123,8 @@ class CameraConfig(Strict):
     """A ROI without a fresh frame for this long is BLIND."""
     latency: LatencyConfig = LatencyConfig()
     """How late a decision may be before that is an alarm of its own."""
+    quality: QualityConfig = QualityConfig()
+    """Whether the picture is fit to judge."""
 
     @model_validator(mode="after")
     def _unique(self) -> Self:

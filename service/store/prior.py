@@ -9,7 +9,6 @@ without pickle, so that a foreign file cannot run code.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 from dataclasses import dataclass, replace
@@ -28,8 +27,8 @@ from models.motion_prior import VELOCITY_BINS, CellVelocities
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
 from service.errors import LumpwatchError
+from service.store.sealed import SealError, seal, unseal
 
-MAGIC = b"lumpwatch-prior"
 FORMAT = 1
 MAX_BYTES = 256 << 20
 _ASPECT_TOLERANCE = 0.01
@@ -126,14 +125,15 @@ def encode(prior: Prior) -> bytes:
     buffer = io.BytesIO()
     text = np.frombuffer(json.dumps(meta, sort_keys=True).encode(), dtype=np.uint8)
     np.savez(buffer, allow_pickle=False, meta=text, **arrays)
-    body = buffer.getvalue()
-    head = b"%s %d %s %d\n" % (MAGIC, FORMAT, hashlib.sha256(body).hexdigest().encode(), len(body))
-    return head + body
+    return seal("prior", FORMAT, buffer.getvalue())
 
 
 def decode(content: bytes, name: str) -> Prior:
     """The prior in the bytes of a file; `name` stands for it in errors. Raises PriorError."""
-    body = _body(content, name)
+    try:
+        body = unseal("prior", FORMAT, content)
+    except SealError as error:
+        raise PriorError(f"{name}: {error}") from error
     try:
         with np.load(io.BytesIO(body), allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in archive.files}
@@ -147,23 +147,6 @@ def decode(content: bytes, name: str) -> Prior:
             f"{name}: the prior's content is not as expected ({type(error).__name__})"
         ) from error
     return prior
-
-
-def _body(content: bytes, name: str) -> bytes:
-    head, newline, body = content[:256].partition(b"\n")
-    words = head.split(b" ")
-    if not newline or len(words) != 4 or words[0] != MAGIC:
-        raise PriorError(f"{name}: is not a lumpwatch prior")
-    if words[1] != str(FORMAT).encode():
-        raise PriorError(
-            f"{name}: has format {words[1].decode(errors='replace')}, this version reads format {FORMAT}"
-        )
-    body = content[len(head) + 1 :]
-    if not words[3].isdigit() or int(words[3]) != len(body):
-        raise PriorError(f"{name}: is truncated or has bytes to spare")
-    if hashlib.sha256(body).hexdigest().encode() != words[2]:
-        raise PriorError(f"{name}: is corrupt (its checksum does not match)")
-    return body
 
 
 def _places(arrays: dict[str, NDArray[Any]]) -> NDArray[Any] | None:

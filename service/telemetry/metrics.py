@@ -1,7 +1,7 @@
 """The metrics of each process.
 
-Base units; labels are camera, roi, class, stage, reason and model only. A worker process fills a registry of its
-own, whose text travels to the daemon (see `relay`).
+Base units; labels are camera, roi, class, stage, reason, measure and model only. A worker process fills a
+registry of its own, whose text travels to the daemon (see `relay`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from service.alarms import Alarm, AlarmClass, Change, Transition
 from service.detection import Detection
 from service.messages import Decision, Latency
+from service.telemetry.picture import PictureMetrics
 from service.telemetry.shadow import ShadowMetrics
 
 _BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -246,6 +247,7 @@ class MonitorMetrics(_FrameMetrics):
             "lumpwatch_latency_budget_ratio",
             "Share of the latency budget that the last decision took, from capture to publication.",
         )
+        self.picture = PictureMetrics(registry, camera, rois)
         self._flagged: dict[str, frozenset[int]] = {}
         for roi in rois:
             self._wrong_way.labels(camera, roi)

@@ -1,6 +1,6 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, difficulty, paper1, paper2, background, jpda, pictures. What
+Words on the command line choose some: lumps, difficulty, paper1, paper2, background, jpda, quality, pictures. What
 follows `difficulty` with a dash is for it: `python -m tests.reproduction difficulty --help`.
 """
 
@@ -14,7 +14,16 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 # The libraries count their threads when they are imported.
-from tests.reproduction import difficulty, lumps, paper1, paper2, paper3_background, paper3_jpda, pictures  # noqa: E402
+from tests.reproduction import (  # noqa: E402
+    difficulty,
+    lumps,
+    paper1,
+    paper2,
+    paper3_background,
+    paper3_jpda,
+    pictures,
+    quality,
+)
 
 EXPERIMENTS = {
     "lumps": lumps.main,
@@ -23,6 +32,7 @@ EXPERIMENTS = {
     "paper2": paper2.main,
     "background": paper3_background.main,
     "jpda": paper3_jpda.main,
+    "quality": quality.main,
     "pictures": pictures.main,
 }
 

@@ -1,0 +1,108 @@
+"""`lumpwatch reference`: learn what a camera's picture looks like when it is fit."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from models.quality.region import Measure
+from service.cli.common import Commands, add_command, camera_of, progress
+from service.config import CameraConfig, load
+from service.errors import ConfigError
+from service.recordings import read_frames
+from service.reference import Recording, learn_reference
+from service.store.reference import Reference, ReferenceStore
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "reference",
+        reference,
+        "Learn from recordings of a fit picture what a camera shows, and from where on its picture is not fit "
+        "to judge (blurred, dusty, hidden, moved, frozen, dark, glare). A running daemon takes it.",
+        "lumpwatch reference site.yaml day.mp4 rain.mp4 --night night.mp4 --camera crusher-1",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "videos",
+        type=Path,
+        nargs="*",
+        metavar="VIDEO",
+        help="recordings by day, in all weathers that are fit",
+    )
+    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the reference")
+    parser.add_argument(
+        "--night", type=Path, nargs="+", default=[], metavar="VIDEO", help="the same by night"
+    )
+    parser.add_argument(
+        "--false-share",
+        type=float,
+        default=1e-3,
+        metavar="SHARE",
+        help="share of the time for which footage like this may be taken for unfit (default 0.001)",
+    )
+    parser.add_argument("--use", type=int, metavar="N", help="learn nothing, go back to stored version N")
+
+
+def reference(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    config = load(arguments.config)
+    camera = camera_of(config, arguments.camera)
+    store = ReferenceStore(config.store.path, config.store.keep_priors)
+    if arguments.use is not None:
+        return _use(store, camera.id, arguments.use)
+    if not 1e-6 <= arguments.false_share <= 0.05:
+        raise ConfigError("--false-share: must be within 0.000001 and 0.05")
+    if not arguments.videos:
+        raise ConfigError("reference needs at least one VIDEO by day")
+    with ExitStack() as stack:
+        advance = stack.enter_context(progress("reading", None))
+        lights = {"day": [_recording(camera, video) for video in arguments.videos]}
+        if arguments.night:
+            lights["night"] = [_recording(camera, video) for video in arguments.night]
+        learned = learn_reference(camera, lights, arguments.false_share, datetime.now(UTC), advance)
+    stored = store.save(learned.reference)
+    for warning in learned.warnings:
+        sys.stderr.write(f"lumpwatch: warning: {warning}\n")
+    _print(stored)
+    return 0
+
+
+def _recording(camera: CameraConfig, video: Path) -> Recording:
+    frames, _ = read_frames(camera, video)
+    return Recording(video.name, frames)
+
+
+def _use(store: ReferenceStore, camera: str, version: int) -> int:
+    versions = store.versions(camera)
+    if version not in versions.all():
+        raise ConfigError(f"--use {version}: camera {camera} has no such version of its reference")
+    versions.use(version)
+    print(f"{camera}: reference version {version} is in use")  # noqa: T201
+    return 0
+
+
+def _print(stored: Reference) -> None:
+    table = Table(title=f"{stored.meta.camera}: reference version {stored.version}")
+    for heading in ("light", "roi", "measure", "usual", "not fit"):
+        table.add_column(heading)
+    for light in stored.lights:
+        for roi, region in light.regions.items():
+            for measure in Measure:
+                sign = "above" if measure.too_large else "below"
+                table.add_row(
+                    light.name,
+                    roi,
+                    measure.value,
+                    f"{region.usual[measure]:.3g}",
+                    f"{sign} {region.thresholds[measure]:.3g}",
+                )
+    Console().print(table)
