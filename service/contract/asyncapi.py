@@ -73,6 +73,16 @@ _PRIOR = _Content(
     "The bytes of the prior in use, as `lumpwatch priors export` writes them.",
     "application/octet-stream",
 )
+_VERDICT = _Content(
+    "VerdictRequest", "Parameters actor, verdict, alarm or evidence, note.", "application/json"
+)
+_JUDGED = _Content("VerdictReply", "JSON: verdict, sequence, alarm, written.", "application/json")
+_WANTED = _Content("EvidenceRequest", "Parameters newest, or id, file, offset, length.", "application/json")
+_EVIDENCE = _Content(
+    "Evidence",
+    "JSON of evidence (`lumpwatch schema evidence`, with verdict) or a list of it; with file its bytes.",
+    "application/octet-stream",
+)
 _TOKEN = _Content("Token", "A liveliness token; it has no content.", "application/octet-stream")
 
 _CHANNELS: dict[Kind, _Channel] = {
@@ -95,6 +105,8 @@ _CHANNELS: dict[Kind, _Channel] = {
         asks=SuppressRequest,
         replies=ActReply,
     ),
+    Kind.VERDICT: _Channel("Says whether a lump alarm was one.", asks=_VERDICT, replies=_JUDGED),
+    Kind.EVIDENCE: _Channel("Lists evidence and hands it out.", asks=_WANTED, replies=_EVIDENCE),
     Kind.PRIOR: _Channel("Asks for the prior in use.", asks=_NOTHING, replies=_PRIOR),
     Kind.SHADOW: _Channel(
         "State of the prior that runs in shadow, once a second while one does.", ShadowState

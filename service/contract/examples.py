@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from service.alarms import AlarmClass, AlarmState, Change
 from service.bus.codec import FrameHeader
+from service.evidence.meta import EvidenceMeta, StoredFile
 from service.messages import (
     AlarmData,
     AlarmEvent,
@@ -197,6 +198,25 @@ _MODELS: tuple[BaseModel, ...] = (
         lasts_s=10.0,
     ),
     BlendReply(accepted=True),
+    EvidenceMeta(
+        id="001763791200000-000012",
+        site=_SITE,
+        camera=_CAMERA,
+        roi=_ROI,
+        alarm_class=AlarmClass.LUMP,
+        sequence=12,
+        time=_DECIDED,
+        frames=231,
+        decisive=157,
+        pre_roll_s=10.4,
+        post_roll_s=4.93,
+        ended="post_roll",
+        existence=0.934,
+        prior=3,
+        exact=True,
+        software="0.1.0",
+        files={"still.jpg": StoredFile(size=48213, sha256=64 * "a")},
+    ),
 )
 
 
