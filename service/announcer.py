@@ -2,7 +2,7 @@
 
 An alarm record is in the event log before it is on the bus, as far as the disk allows (see
 `service.store.event_writer`), and a record that was in the log but perhaps not on the bus when the
-process ended is sent again, with the same sequence number.
+process ended is sent again, with the same sequence number. While there is no hub nothing is on the bus.
 """
 
 from __future__ import annotations
@@ -51,6 +51,9 @@ class Announcer:
     ) -> None:
         """`clock` names this host's monotonic clock, `clocks` tells the time, `record` begins evidence."""
         self._site = site
+        self._bus = bus
+        self._linked = False
+        self._unconfirmed: list[tuple[str, str]] = []
         self._camera = camera.id
         self._events = events
         self._metrics = metrics
@@ -90,8 +93,25 @@ class Announcer:
                     self._alarms[roi].put(record)
                 else:  # under the old name: who has had it does not get it twice
                     self._alarms[roi].put(record, known.number, known.publisher)
-        if self._events.unpublished:
-            self._events.published([(roi, number) for roi, number, _ in self._events.unpublished])
+        self._sent([(roi, number) for roi, number, _ in self._events.unpublished])
+
+    def confirm(self) -> None:
+        """Called once a second: what was sent without a hub is fetched by subscribers soon after it is back."""
+        linked = self._bus.linked
+        if linked and self._linked and self._unconfirmed:
+            self._events.published(self._unconfirmed)
+            self._unconfirmed = []
+        self._linked = linked
+
+    def _sent(self, records: list[tuple[str, str]]) -> None:
+        """These (ROI, id) were put; where a hub is there, they are on the bus."""
+        if not records:
+            return
+        if self._bus.linked:
+            self._events.published(records)
+        else:
+            self._linked = False
+            self._unconfirmed += records
 
     def _past(self, roi: str, key: str) -> list[Message]:
         """What former processes have sent."""
@@ -114,7 +134,7 @@ class Announcer:
             self._events.write(entries)
             for entry in entries:
                 self._alarms[entry.event.roi].put(entry.record, entry.event.sequence)
-            self._events.published([(entry.event.roi, entry.event.id) for entry in entries])
+            self._sent([(entry.event.roi, entry.event.id) for entry in entries])
         for result in results:
             sequence = self._sequences[result.roi]
             message = state_message(result, self._site, self._camera, clocks, sequence)

@@ -168,6 +168,7 @@ class Monitor:
                     looked_s = now
                 if now - beat_s >= HEARTBEAT_S:
                     self._send_heartbeat(now)
+                    self._announcer.confirm()
                     self._count_inbox()
                     self._look_for_priors(now)
                     self._proofs.look()

@@ -21,6 +21,8 @@ FIRST_PAUSE_S = 0.5
 LONGEST_PAUSE_S = 15.0
 _CALM_S = 60.0
 """A worker that lived this long starts again without delay growing."""
+_QUIET_S = 3.0
+"""What a worker said longer ago is no longer shown as if it were so: silence must not look like clear."""
 _STARTING_S = 120.0
 """How long a worker may take to load its libraries and, on a first start, to compile its kernels."""
 _SILENT_S = 10.0
@@ -88,7 +90,10 @@ class Supervisor:
             self._hear(keeper, now)
             if not keeper.process.is_alive():
                 self._end(keeper, now, "exited")
-            elif self._stuck(keeper, now):
+                continue
+            if keeper.report is not None and now - keeper.heard_s > _QUIET_S:
+                self._relay.silent(keeper.task.name)
+            if self._stuck(keeper, now):
                 keeper.process.kill()
                 keeper.process.join()
                 self._end(keeper, now, "stuck")
@@ -121,6 +126,7 @@ class Supervisor:
             daemon=True,
         )
         keeper.process.start()
+        log.info("%s runs as process %d", keeper.task.name, keeper.process.pid)
         theirs.close()
         keeper.connection, keeper.report = ours, None
         keeper.started_s = keeper.heard_s = now

@@ -33,6 +33,7 @@ class World:
         self.records: list[KeptRecord] = []
         self.past: list[Message] = []
         self._sequences = sequences or {}
+        self.linked = True
 
     def sequences(self) -> dict[str, int]:
         return self._sequences
@@ -141,6 +142,32 @@ def test_what_the_last_process_may_not_have_sent_is_sent_as_it_was() -> None:
         ("alarm", json.loads(record)),
         ("sent", [("gone", "z"), ("apron", "a")]),
     ]
+
+
+def test_what_is_sent_without_a_hub_is_published_some_time_after_it_is_back() -> None:
+    world = World()
+    target = announcer(world)
+    world.linked = False
+    target.announce((RESULT,))
+    target.confirm()
+    world.linked = True
+    target.confirm()
+    assert world.of("sent") == []  # subscribers may not have fetched it yet
+    target.confirm()
+    target.confirm()
+    ((sent,),) = world.of("sent")
+    assert sent == ("apron", world.of("alarm")[0]["id"])
+    target.announce((RESULT,))
+    assert len(world.of("sent")) == 2
+
+
+def test_what_is_sent_again_without_a_hub_is_not_published_yet() -> None:
+    world = World()
+    world.unpublished = [("apron", "a", b"{}")]
+    world.linked = False
+    announcer(world).send_again()
+    assert world.of("alarm") == [{}]
+    assert world.of("sent") == []
 
 
 def test_a_level_is_sent_when_it_changes_and_now_and_then() -> None:

@@ -116,6 +116,18 @@ def test_a_client_may_start_before_its_hub() -> None:
     assert opened == [False]
 
 
+def test_a_client_knows_whether_its_hub_is_there() -> None:
+    endpoint = free_endpoint()
+    with Child("hub", endpoint) as hub, open_client(client_config(endpoint)) as client:
+        assert client.linked
+        hub.process.kill()
+        hub.process.wait()
+        eventually(lambda: not client.linked)
+        with Child("hub", endpoint):
+            eventually(lambda: client.linked)
+    assert not client.linked
+
+
 def test_a_closed_bus_says_so() -> None:
     with open_hub(hub_config("tcp/127.0.0.1:0")) as bus:
         publisher = bus.publisher("k")

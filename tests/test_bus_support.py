@@ -173,11 +173,21 @@ def _abandon(endpoint: str, key: str) -> None:
         time.sleep(0.02)
 
 
+def _listen(endpoint: str, selector: str) -> None:
+    """Subscribe to everything and forget it."""
+    with open_client(client_config(endpoint)) as bus:
+        bus.subscribe(selector, lambda _key, _payload: None)
+        print("ready", flush=True)
+        while not _input_ended():
+            time.sleep(0.02)
+
+
 if __name__ == "__main__":
     roles: dict[str, Callable[..., None]] = {
         "hub": _hub,
         "camera": _camera,
         "monitor": _monitor,
         "abandon": _abandon,
+        "listen": _listen,
     }
     roles[sys.argv[1]](*sys.argv[2:])

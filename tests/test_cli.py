@@ -107,6 +107,12 @@ def test_the_help_names_every_command(capsys: Captured) -> None:
     assert all(f"\n    {command} " in told or f"\n  {command} " in told for command in COMMANDS)
 
 
+def test_an_operator_does_not_wait_for_what_only_filters_need() -> None:
+    told = "import sys; from service.cli import main; main(['ack', '--help']); print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines()[-1] == "False"
+
+
 def test_the_version(capsys: Captured) -> None:
     assert done(capsys, "--version").startswith("lumpwatch ")
 

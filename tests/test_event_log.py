@@ -328,6 +328,19 @@ class FailsOnce(EventLog):
         super().append(entries)  # type: ignore[arg-type]
 
 
+def test_a_file_that_is_overwritten_while_it_is_open_is_noticed_with_the_next_event(tmp_path: Path) -> None:
+    counting = Counting()
+    log = writer(tmp_path, counting)
+    assert log.write([entry(1)])
+    path = event_file(tmp_path, "cam")
+    for one in (path, path.with_name("cam.sqlite-wal")):
+        one.write_bytes(b"\xa5" * one.stat().st_size)
+    assert log.write([entry(2)])
+    log.close()
+    assert counting.problems == {"corrupt": 1}
+    assert sequences(tmp_path)[-1] == 2
+
+
 def test_a_file_that_turns_out_to_be_damaged_while_running_loses_no_state(tmp_path: Path) -> None:
     counting = Counting()
     log = writer(tmp_path, counting, open_log=lambda path, check: FailsOnce(path, check=check))

@@ -150,6 +150,20 @@ def test_a_worker_that_hangs_is_killed_and_started_again(started: list[Site], tm
 
 
 @pytest.mark.slow
+def test_the_gauges_of_a_worker_that_is_silent_are_not_shown(started: list[Site]) -> None:
+    site = Site(workers.good)
+    started.append(site)
+    site.until(lambda: site.total("level") == 0.5)
+    (victim,) = children()
+    os.kill(victim, signal.SIGSTOP)
+    site.until(lambda: site.total("level") is None)
+    assert site.total("worked_total") == 3.0
+    assert site.restarts == []
+    os.kill(victim, signal.SIGCONT)
+    site.until(lambda: site.total("level") == 0.5)
+
+
+@pytest.mark.slow
 def test_a_first_start_may_take_longer_than_a_hang(started: list[Site]) -> None:
     site = Site(workers.compiling, stuck_after_s=0.5)
     started.append(site)

@@ -252,6 +252,27 @@ def test_the_newest_text_counts() -> None:
     assert scraped(relay)["events_total", "a"] == 2
 
 
+def test_a_silent_worker_shows_what_it_counted_and_no_gauge() -> None:
+    relay, worker = Relay(), Worker("a")
+    worker.events.inc(4)
+    worker.level.set(0.7)
+    worker.time.observe(0.5)
+    relay.update("a", worker.text())
+    relay.silent("a")
+    relay.silent("a")
+    found = scraped(relay)
+    assert ("level", "a") not in found
+    assert (found["events_total", "a"], found["time_seconds_count", "a"]) == (4, 1)
+    relay.update("a", worker.text())  # it was only slow
+    found = scraped(relay)
+    assert (found["level", "a"], found["events_total", "a"]) == (0.7, 4)
+    relay.silent("a")
+    relay.gone("a")
+    relay.update("a", Worker("a").text())  # its successor
+    found = scraped(relay)
+    assert (found["level", "a"], found["events_total", "a"]) == (0.0, 4)
+
+
 def test_counters_go_on_over_restarts_and_gauges_are_forgotten() -> None:
     relay, worker = Relay(), Worker("a")
     worker.events.inc(4)

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.special import expit
 
 from models.births import PolygonBirths
 from models.learning.learned import HistogramFit, LumpFit
@@ -55,6 +53,10 @@ def logistic(x: NDArray[np.float64], y: NDArray[np.bool_], ridge: float = _RIDGE
         raise ValueError("both boxes with and boxes without the object are needed")
     weight = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
     sign = np.where(y, 1.0, -1.0)
+
+    # Loaded here: half of what a monitor would load, and only training needs it.
+    from scipy.optimize import minimize
+    from scipy.special import expit
 
     def loss(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
         margin = sign * (x @ theta[:-1] + theta[-1])

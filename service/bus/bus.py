@@ -74,6 +74,11 @@ class Bus:
         """Whether `close` was called."""
         return self._closed
 
+    @property
+    def linked(self) -> bool:
+        """Whether this client reaches a hub now; one that froze counts as reached for some 10 s."""
+        return not self._closed and bool(self._session.info.routers_zid())
+
     def close(self) -> None:
         """Close everything, receivers first; idempotent, returns within some 2 s.
 

@@ -242,6 +242,8 @@ class EventLog:
                 )
             for roi in {entry.event.roi for entry in entries}:
                 self._db.execute(_PRUNE, {"roi": roi, "most": RECORDS_KEPT})
+        # Nothing is kept in memory, so damage to the file shows with the next event, not the next start.
+        self._db.execute("PRAGMA shrink_memory")
 
     def records(self) -> list[KeptRecord]:
         """The last records of each ROI, oldest first."""

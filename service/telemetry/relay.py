@@ -24,16 +24,24 @@ class Relay(Collector):
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._texts: dict[str, str] = {}
+        self._silent: set[str] = set()
         self._totals: dict[_Key, float] = {}
 
     def update(self, worker: str, text: str) -> None:
         """The newest text of a worker."""
         with self._lock:
             self._texts[worker] = text
+            self._silent.discard(worker)
+
+    def silent(self, worker: str) -> None:
+        """A worker says nothing for now: show what it counted, but no gauge as if it were still so."""
+        with self._lock:
+            self._silent.add(worker)
 
     def gone(self, worker: str) -> None:
         """A worker has ended: keep what it counted, forget its gauges."""
         with self._lock:
+            self._silent.discard(worker)
             text = self._texts.pop(worker, "")
             for family in text_string_to_metric_families(text):
                 if family.type in _CUMULATIVE:
@@ -43,13 +51,13 @@ class Relay(Collector):
     def collect(self) -> Iterable[Metric]:
         """All families, each once, with the samples of all workers."""
         with self._lock:
-            texts = list(self._texts.values())
+            texts = [(text, worker in self._silent) for worker, text in self._texts.items()]
             values = dict(self._totals)
         families: dict[str, Metric] = {}
         present: dict[_Key, float] = {}
-        for text in texts:
+        for text, silent in texts:
             for family in text_string_to_metric_families(text):
-                if family.name.endswith("_created"):
+                if family.name.endswith("_created") or (silent and family.type not in _CUMULATIVE):
                     continue
                 families.setdefault(family.name, Metric(family.name, family.documentation, family.type))
                 for key, value in _samples(family):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -56,6 +57,7 @@ cameras:
         )
         self.log = folder / "daemon.log"
         self.roles: tuple[str, ...] = ()
+        self.environment: dict[str, str] = {}
         self.process: subprocess.Popen[bytes] | None = None
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -65,7 +67,10 @@ cameras:
     def start(self) -> None:
         with self.log.open("ab") as log:
             self.process = subprocess.Popen(
-                [*LUMPWATCH, "run", str(self.config), *self.roles], stdout=log, stderr=log
+                [*LUMPWATCH, "run", str(self.config), *self.roles],
+                stdout=log,
+                stderr=log,
+                env=os.environ | self.environment,
             )
 
     def __enter__(self) -> Self:
@@ -80,7 +85,7 @@ cameras:
         if self.process is not None and self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.wait(timeout=10)
+                self.process.wait(timeout=60)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 raise
@@ -90,7 +95,7 @@ cameras:
         assert self.process is not None
         began = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
-        return self.process.wait(timeout=20), time.monotonic() - began
+        return self.process.wait(timeout=60), time.monotonic() - began
 
     def get(self, path: str) -> tuple[int, str]:
         """Status and text of a page; status 0 while nobody listens."""
@@ -114,6 +119,18 @@ cameras:
                 if sample.name == name and labels.items() <= sample.labels.items():
                     total += sample.value
         return total
+
+    def shows(self, name: str, **labels: str) -> bool:
+        """Whether there is any sample of that name that carries the labels."""
+        return any(
+            sample.name == name and labels.items() <= sample.labels.items()
+            for family in text_string_to_metric_families(self.get("/metrics")[1])
+            for sample in family.samples
+        )
+
+    def worker(self, role: str, camera: str) -> int:
+        """Process id of one worker, as the log has it."""
+        return int(re.findall(rf"{role}:{camera} runs as process (\d+)", self.log.read_text())[-1])
 
     def children(self) -> dict[str, list[int]]:
         """Process ids of the workers by role, found in the process table."""
@@ -154,6 +171,14 @@ class AlarmFollower:
 
     def __enter__(self) -> Self:
         return self
+
+    def sleep(self) -> None:
+        """Suspend the process: it stays connected and reads nothing."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def wake(self) -> None:
+        """Let it go on."""
+        self._process.send_signal(signal.SIGCONT)
 
     def __exit__(self, *_: object) -> None:
         self._process.terminate()

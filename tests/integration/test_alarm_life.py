@@ -7,12 +7,10 @@ import io
 import json
 import os
 import signal
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import pytest
 
@@ -24,8 +22,9 @@ from service.cli.alarms import as_client
 from service.config import load
 from service.store.events import Entry, EventLog, event_file
 from service.store.priors import PriorStore
+from tests.integration.feed import Feed
 from tests.integration.site import AlarmFollower, Daemon, wait_for
-from tests.service_helpers import HEIGHT, WIDTH, frame, picture, prior, site_tree
+from tests.service_helpers import prior, site_tree
 from tests.test_event_log import event
 from tests.test_messages import EVENT
 
@@ -33,42 +32,6 @@ pytestmark = pytest.mark.slow
 
 KEYS = Keys("test")
 TARGET = ("--camera", "cam", "--roi", "apron", "--actor", "Ada")
-
-
-class Feed:
-    """The camera: 20 frames a second, with the object while `bright`, the same again while `frozen`."""
-
-    def __init__(self, bus: Bus) -> None:
-        self.bright = False
-        self.frozen = False
-        self.late_s = 0.0
-        """How old the pictures are when they come."""
-        self._publisher = bus.frame_publisher(KEYS.frame("cam"))
-        self._pictures = {bright: picture(bright=bright) for bright in (False, True)}
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        seq, now = 0, 0.0
-        while not self._stop.wait(0.05):
-            if not self.frozen:
-                seq, now = seq + 1, time.monotonic()
-            one = frame(
-                seq,
-                time_s=now - self.late_s,
-                received_s=now,
-                data=self._pictures[self.bright],
-                size=(WIDTH, HEIGHT),
-            )
-            self._publisher.publish(one, "raw", None)
 
 
 class Site:

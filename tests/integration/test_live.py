@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ def camera(name: str, url: str, polygon: str, extra: str = "") -> str:
 """
 
 
-def test_alarm_over_rtsp_and_what_becomes_of_outages(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+def test_alarm_over_rtsp(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
     with RtspServer(feed_clip) as server:
         daemon = Daemon(tmp_path, camera("crusher-1", server.url, polygon))
         imported = daemon.command(
@@ -47,29 +48,6 @@ def test_alarm_over_rtsp_and_what_becomes_of_outages(tmp_path: Path, feed_clip: 
             box = record["data"]["objects"][0]
             assert box["w"] > 40
             assert box["model"] in ("belt", "fall")
-
-            failures = daemon.metric("lumpwatch_source_failures_total", camera="crusher-1")
-            port = server.port
-            server.kill()
-            wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
-            assert daemon.get("/readyz")[0] == 503
-            assert daemon.get("/livez")[0] == 200
-            assert daemon.metric("lumpwatch_source_failures_total", camera="crusher-1") > failures
-            with RtspServer(feed_clip, port) as again:
-                wait_for("frames again", lambda: daemon.ready, 30)
-                assert daemon.metric("lumpwatch_source_connect_attempts_total") >= 2
-
-                again.stop()  # SIGSTOP: the connection stays open and is silent
-                stopped = time.monotonic()
-                wait_for("silence noticed", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
-                assert time.monotonic() - stopped < 2.0 + 3.0
-                wait_for(
-                    "time-out counted",
-                    lambda: daemon.metric("lumpwatch_source_failures_total", reason="read_timeout") >= 1,
-                    10,
-                )
-                again.cont()
-                wait_for("frames after SIGCONT", lambda: daemon.ready, 30)
             code, seconds = daemon.stop()
             assert code == 0
             assert seconds < 5.0
@@ -117,39 +95,6 @@ def test_a_dead_camera_and_killed_workers_do_not_touch_the_other_camera(
     assert "Traceback" not in text
 
 
-def test_a_stuck_camera_process_is_killed(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
-    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
-        wait_for("ready", lambda: daemon.ready, 60)
-        (pid,) = daemon.children()["camera"]
-        os.kill(pid, signal.SIGSTOP)
-        wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
-        wait_for(
-            "stuck process replaced",
-            lambda: daemon.metric("lumpwatch_process_restarts_total", reason="stuck") == 1,
-            40,
-        )
-        wait_for("ready again", lambda: daemon.ready, 30)
-
-
-def test_a_new_prior_is_taken_without_a_restart(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
-    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
-        wait_for("ready", lambda: daemon.ready, 60)
-        assert daemon.metric("lumpwatch_prior_version") == 0
-        where = ("--camera", "crusher-1", "--roi", "apron")
-        for version in (1, 2):
-            assert daemon.command("priors", "import", str(daemon.config), str(PRIOR), *where).returncode == 0
-            wait_for(
-                "prior taken",
-                lambda version=version: daemon.metric("lumpwatch_prior_version") == version,
-                10,
-            )
-        rolled = daemon.command("priors", "rollback", str(daemon.config), *where, "--version", "1")
-        assert rolled.returncode == 0
-        wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 10)
-        assert daemon.metric("lumpwatch_process_restarts_total") == 0
-        assert daemon.ready
-
-
 def test_a_daemon_whose_parent_is_killed_leaves_no_worker(
     tmp_path: Path, feed_clip: Path, polygon: str
 ) -> None:
@@ -192,32 +137,66 @@ def test_camera_and_monitor_of_two_daemons_share_only_the_bus(
         assert seconds < 8.0
 
 
-def test_malformed_frames_are_counted_and_harmless(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
-    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory, feed_clip: Path, polygon: str) -> Iterator[Daemon]:
+    """One that plays a file for ever, for tests that leave it well."""
+    folder = tmp_path_factory.mktemp("looped")
+    with Daemon(folder, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
         wait_for("ready", lambda: daemon.ready, 60)
-        config = load(daemon.config)
-        with open_client(as_client(config.bus)) as bus:
-            publisher = bus.publisher(Keys("test").frame("crusher-1"))
-            for payload in (b"", b"\x00" * 10, os.urandom(100_000)):
-                for _ in range(5):
-                    publisher.put(payload)
-                    time.sleep(0.02)
+        yield daemon
+
+
+def test_a_new_prior_is_taken_without_a_restart(daemon: Daemon) -> None:
+    assert daemon.metric("lumpwatch_prior_version") == 0
+    where = ("--camera", "crusher-1", "--roi", "apron")
+    for version in (1, 2):
+        assert daemon.command("priors", "import", str(daemon.config), str(PRIOR), *where).returncode == 0
         wait_for(
-            "counted",
-            lambda: daemon.metric("lumpwatch_frames_dropped_total", reason="malformed_bad_header") >= 1,
+            "prior taken",
+            lambda version=version: daemon.metric("lumpwatch_prior_version") == version,
             10,
         )
-        assert daemon.ready
-        assert daemon.metric("lumpwatch_process_restarts_total") == 0
+    rolled = daemon.command("priors", "rollback", str(daemon.config), *where, "--version", "1")
+    assert rolled.returncode == 0
+    wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 10)
+    assert daemon.metric("lumpwatch_process_restarts_total") == 0
+    assert daemon.ready
 
 
-def test_what_keeps_the_daemon_from_starting(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
+def test_malformed_frames_are_counted_and_harmless(daemon: Daemon) -> None:
+    config = load(daemon.config)
+    with open_client(as_client(config.bus)) as bus:
+        publisher = bus.publisher(Keys("test").frame("crusher-1"))
+        for payload in (b"", b"\x00" * 10, os.urandom(100_000)):
+            for _ in range(5):
+                publisher.put(payload)
+                time.sleep(0.02)
+    wait_for(
+        "counted",
+        lambda: daemon.metric("lumpwatch_frames_dropped_total", reason="malformed_bad_header") >= 1,
+        10,
+    )
+    assert daemon.ready
+    assert daemon.metric("lumpwatch_process_restarts_total") == 0
+
+
+def test_what_keeps_the_daemon_from_starting(daemon: Daemon) -> None:
     """A port that is taken: one line that names it, and a code that is not 0."""
-    with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as first:
-        wait_for("up", lambda: first.get("/livez")[0] == 200, 30)
-        second = first.command("run", str(first.config))
-        assert second.returncode == 1
-        told = [line for line in second.stderr.splitlines() if line.startswith("lumpwatch: ")]
-        assert len(told) == 1
-        assert "cannot listen on tcp/127.0.0.1" in told[0]
-        assert "Traceback" not in second.stderr
+    second = daemon.command("run", str(daemon.config))
+    assert second.returncode == 1
+    told = [line for line in second.stderr.splitlines() if line.startswith("lumpwatch: ")]
+    assert len(told) == 1
+    assert "cannot listen on tcp/127.0.0.1" in told[0]
+    assert "Traceback" not in second.stderr
+
+
+def test_a_stuck_camera_process_is_killed(daemon: Daemon) -> None:
+    (pid,) = daemon.children()["camera"]
+    os.kill(pid, signal.SIGSTOP)
+    wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
+    wait_for(
+        "stuck process replaced",
+        lambda: daemon.metric("lumpwatch_process_restarts_total", reason="stuck") == 1,
+        40,
+    )
+    wait_for("ready again", lambda: daemon.ready, 60)

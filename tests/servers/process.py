@@ -68,12 +68,21 @@ class ServerProcess:
 
 
 class RtspServer(ServerProcess):
-    """Our own server (`tests.servers.rtsp_mini`) on 127.0.0.1; port 0 takes a free one."""
+    """Our own server (`tests.servers.rtsp_mini`), by default on 127.0.0.1; port 0 takes a free one."""
 
     def __init__(
-        self, video: Path, port: int = 0, *, user: str | None = None, password: str | None = None
+        self,
+        video: Path,
+        port: int = 0,
+        *,
+        host: str = "127.0.0.1",
+        user: str | None = None,
+        password: str | None = None,
+        run_by: tuple[str, ...] = (),
     ) -> None:
-        command = [sys.executable, "-m", "tests.servers.rtsp_mini", str(video), "--port", str(port)]
+        """`run_by` is a command that runs the server, such as one that enters a network namespace."""
+        command = [*run_by, sys.executable, "-m", "tests.servers.rtsp_mini", str(video)]
+        command += ["--host", host, "--port", str(port)]
         if user is not None:
             command += ["--user", user, "--password", password or ""]
         super().__init__(command)

@@ -1,6 +1,6 @@
 """A small RTSP server that plays a video file for ever and can be made to misbehave.
 
-It serves rtsp://127.0.0.1:PORT/cam over TCP (interleaved) and UDP without re-encoding (MJPEG is
+It serves rtsp://HOST:PORT/cam over TCP (interleaved) and UDP without re-encoding (MJPEG is
 re-encoded once at start). Lines on stdin control it:
 
     freeze | thaw     stop sending, go on (time goes on meanwhile)
@@ -8,10 +8,11 @@ re-encoded once at start). Lines on stdin control it:
     corrupt N         fill the next N pictures with random bytes
     hold | release    send every picture with the same RTP time stamp, go on with the right one
     back S            let the RTP time stamps jump back by S seconds
+    zero              let them begin at 0 again
     kick              close all connections
     refuse | accept   answer DESCRIBE with 503, or normally again
 
-Usage: python -m tests.servers.rtsp_mini VIDEO [--port 0] [--user U --password P]
+Usage: python -m tests.servers.rtsp_mini VIDEO [--host 127.0.0.1] [--port 0] [--user U --password P]
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ class Mischief:
     corrupt: int = 0
     held_ticks: int | None = None
     shift_ticks: int = 0
+    zero: bool = False
     refuse: bool = False
 
 
@@ -132,8 +134,9 @@ class Client:
         if "client_port" not in options:
             return "461 Unsupported Transport", [], ""
         port = int(options["client_port"].split("-")[0])
+        here, there = (self._writer.get_extra_info(name)[0] for name in ("sockname", "peername"))
         self._udp, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            asyncio.DatagramProtocol, local_addr=("127.0.0.1", 0), remote_addr=("127.0.0.1", port)
+            asyncio.DatagramProtocol, local_addr=(here, 0), remote_addr=(there, port)
         )
         mine = self._udp.get_extra_info("sockname")[1]
         return (
@@ -207,6 +210,8 @@ class Server:
         if mischief.drop:
             mischief.drop -= 1
             return
+        if mischief.zero:
+            mischief.zero, mischief.shift_ticks = False, ticks
         damage = mischief.corrupt > 0
         mischief.corrupt -= damage
         ticks -= mischief.shift_ticks
@@ -231,6 +236,8 @@ class Server:
                 mischief.corrupt = int(count)
             case ["back", seconds]:
                 mischief.shift_ticks += round(float(seconds) * CLOCK_HZ)
+            case ["zero"]:
+                mischief.zero = True
             case ["kick"]:
                 for client in list(self.clients):
                     client.close()
@@ -238,11 +245,11 @@ class Server:
                 print(f"unknown command: {line.strip()}", file=sys.stderr)
 
 
-async def run(server: Server, port: int) -> None:
+async def run(server: Server, host: str, port: int) -> None:
     """Listen, print the URL, then play until stdin closes."""
     loop = asyncio.get_running_loop()
-    listener = await asyncio.start_server(server.connect, "127.0.0.1", port)
-    print(f"rtsp://127.0.0.1:{listener.sockets[0].getsockname()[1]}/cam", flush=True)
+    listener = await asyncio.start_server(server.connect, host, port)
+    print(f"rtsp://{host}:{listener.sockets[0].getsockname()[1]}/cam", flush=True)
     commands = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(commands), sys.stdin)
 
@@ -262,6 +269,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("video", type=Path)
+    parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument("--port", type=int, default=0)
     parser.add_argument("--user")
     parser.add_argument("--password", default="")
@@ -270,7 +278,7 @@ def main() -> None:
     if args.user is not None:
         secret = "Basic " + base64.b64encode(f"{args.user}:{args.password}".encode()).decode()
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(run(Server(load(args.video), secret), args.port))
+        asyncio.run(run(Server(load(args.video), secret), args.host, args.port))
 
 
 if __name__ == "__main__":
