@@ -24,7 +24,8 @@ from service.proof.blender import Blender, BlendRequestError
 from service.proof.chain import _Ended, _Passage, overlaps
 from service.proof.keeper import ProofError, ProofKeeper
 from service.proof.messages import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
-from service.proof.path import at, greys_of, make_way, reached_lip, width_of
+from service.proof.path import greys_of, make_way, reached_lip, width_of
+from service.proof.place import at
 from service.proof.render import Sprite, blend, grain
 from service.proof.schedule import is_due, is_overdue
 from service.report import Clocks

@@ -14,8 +14,7 @@ from service.config.cameras import CameraConfig
 from service.errors import LumpwatchError
 from service.frames import Frame
 from service.proof.messages import BlendPlan, BlendReply
-from service.proof.path import at
-from service.proof.render import Sprite, blend, grain, surroundings
+from service.proof.place import at
 
 log = logging.getLogger(__name__)
 
@@ -28,10 +27,14 @@ class _Run:
     """One plan being followed."""
 
     def __init__(self, plan: BlendPlan, polygon: Sequence[tuple[float, float]]) -> None:
+        # A camera process that never sees a test has no use for what draws the lump.
+        from service.proof import render
+
         self.plan = plan
+        self._render = render
         self._polygon = np.array(polygon)
         self._rng = np.random.default_rng(plan.seed)
-        self._sprite = Sprite(self._rng, plan.greys)
+        self._sprite = render.Sprite(self._rng, plan.greys)
         self._began_s: float | None = None
         self._around: tuple[float, float] = (0.0, 0.0)
         self._noise = 0.0
@@ -55,7 +58,7 @@ class _Run:
             place.h * frame.height,
         )
         luma = data[: frame.height] if frame.encoding == "i420" else data
-        blend(luma, self._sprite, box, self._around, self._noise, self._rng)
+        self._render.blend(luma, self._sprite, box, self._around, self._noise, self._rng)
         return replace(frame, data=data)
 
     def _look(self, frame: Frame) -> None:
@@ -68,7 +71,7 @@ class _Run:
         part = luma[low[1] : high[1], low[0] : high[0]]
         if part.ndim == 3:
             part = part[..., 1]  # green is most of luma
-        self._around, self._noise = surroundings(part), grain(part)
+        self._around, self._noise = self._render.surroundings(part), self._render.grain(part)
 
 
 class Blender:

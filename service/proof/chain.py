@@ -23,7 +23,8 @@ from service.frames import Frame
 from service.messages import Decision, utc
 from service.pipeline import CameraPipeline, RoiResult
 from service.proof.messages import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
-from service.proof.path import Way, at, greys_of, make_way, reached_lip, width_of
+from service.proof.path import Way, greys_of, make_way, reached_lip, width_of
+from service.proof.place import at
 from service.report import Clocks, alarm_event
 from service.sizing import make_plane
 from service.sources.timing import StreamClock

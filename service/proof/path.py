@@ -68,15 +68,6 @@ def make_way(
     return Way(tuple(path), t if arrives_s is None else arrives_s)
 
 
-def at(path: tuple[LumpAt, ...], t_s: float) -> LumpAt | None:
-    """Where the lump is at a moment; None before and after its way."""
-    times = [one.t_s for one in path]
-    if not times[0] <= t_s <= times[-1]:
-        return None
-    x, y, w, h = (float(np.interp(t_s, times, [getattr(one, name) for one in path])) for name in "xywh")
-    return LumpAt(t_s=t_s, x=x, y=y, w=w, h=h)
-
-
 def width_of(plane: BeltPlane, diameter_mm: float, x: float, y: float, widest_px: float) -> float | None:
     """Width of a sphere of that diameter whose middle is seen at (x, y), px; None where there is no belt."""
     low, high = 1.0, widest_px
