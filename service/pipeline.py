@@ -342,7 +342,7 @@ class CameraPipeline:
         started = perf_counter()
         try:
             # The detector thinks where the camera looked at first; only what goes in and out is moved.
-            place, offset = self.quality.mount.placed(roi.detector.roi, frame.width, frame.height)
+            place, offset = self.quality.placed(roi.config.id, roi.detector.roi, frame.width, frame.height)
             gray = working_luma(frame, place)
             colour = working_colour(frame, place) if roi.config.detector.needs_colour else None
             cut = perf_counter()

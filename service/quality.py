@@ -47,6 +47,8 @@ class Quality:
     """The slow estimate of each measure."""
     thresholds: Mapping[Measure, float] = field(default_factory=dict)
     """What each is compared with."""
+    offset_px: tuple[int, int] = (0, 0)
+    """How far the region was moved along with the camera."""
 
 
 class CameraQuality:
@@ -77,6 +79,12 @@ class CameraQuality:
         light = next(iter(self._regions.values())).light
         self.mount.see(frame, light)
 
+    def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
+        """Where a region lies now, and by how much it was moved."""
+        place, offset = self.mount.placed(roi, width, height)
+        self._regions[roi_id].offset_px = offset
+        return place, offset
+
     def look(self, roi: str, gray: Image, time_s: float) -> None:
         """The working picture (h, w) of a region."""
         if self._config.enabled:
@@ -102,7 +110,13 @@ class CameraQuality:
         if reason is None and region.held_off:
             reason = BlindReason.EXPOSURE
         return Quality(
-            reason, region.suspect, region.held_off, region.holdoffs, dict(region.slow), region.thresholds
+            reason,
+            region.suspect,
+            region.held_off,
+            region.holdoffs,
+            dict(region.slow),
+            region.thresholds,
+            region.offset_px,
         )
 
 
@@ -125,6 +139,7 @@ class _Region:
         enabled = {reason: check for reason, check in checks.items() if check.enabled and config.enabled}
         self.holds = Holds({reason: Times(one.entry_s, one.exit_s) for reason, one in enabled.items()})
         self.light = 0
+        self.offset_px = (0, 0)
         self.held_off, self.holdoffs, self.suspect = False, 0, False
         self.slow: dict[Measure, float] = {}
         self._starved = False

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from service.errors import LumpwatchError
 from service.frames import Frame
+from service.messages import BlindReason
+from service.quality import Quality
 
 _MS = Fraction(1, 1000)
 _FORMATS = {"gray8": "gray", "i420": "yuv420p", "bgr8": "gray"}
@@ -68,8 +70,8 @@ def read_pictures(path: Path) -> Iterator[NDArray[np.uint8]]:
         raise ClipError(f"{path}: cannot be decoded ({error})") from error
 
 
-def sidecar(frame: Frame, now_s: float) -> bytes:
-    """One line of `frames.jsonl`: all of a frame but its pixels, and when it was decided."""
+def sidecar(frame: Frame, now_s: float, quality: Quality) -> bytes:
+    """One line of `frames.jsonl`: all of a frame but its pixels, when it was decided, and how fit it was."""
     fields = {
         "seq": frame.seq,
         "capture_s": frame.capture_s,
@@ -81,12 +83,18 @@ def sidecar(frame: Frame, now_s: float) -> bytes:
         "shape": frame.data.shape,
         "crop": frame.crop,
         "reduction": frame.reduction,
+        "quality": {
+            "reason": quality.reason,
+            "suspect": quality.suspect,
+            "held_off": quality.held_off,
+            "offset_px": quality.offset_px,
+        },
     }
     return json.dumps(fields, separators=(",", ":")).encode() + b"\n"
 
 
-def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float]]:
-    """The frames and when each was decided. Raises ClipError."""
+def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, Quality]]:
+    """The frames, when each was decided, and what was judged of its quality. Raises ClipError."""
     try:
         lines = [json.loads(line) for line in times.read_bytes().splitlines()]
     except (OSError, ValueError) as error:
@@ -103,7 +111,7 @@ def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float]]:
         raise ClipError(f"{video}: holds {count} pictures, {times.name} has {len(lines)} lines")
 
 
-def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, float]:
+def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, float, Quality]:
     frame = Frame(
         seq=int(told["seq"]),
         capture_s=float(told["capture_s"]),
@@ -116,7 +124,14 @@ def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, flo
         crop=None if told["crop"] is None else tuple(told["crop"]),
         reduction=int(told["reduction"]),
     )
-    return frame, float(told["now_s"])
+    judged = told["quality"]
+    quality = Quality(
+        reason=None if judged["reason"] is None else BlindReason(judged["reason"]),
+        suspect=bool(judged["suspect"]),
+        held_off=bool(judged["held_off"]),
+        offset_px=(int(judged["offset_px"][0]), int(judged["offset_px"][1])),
+    )
+    return frame, float(told["now_s"]), quality
 
 
 def _flat(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -40,7 +40,7 @@ def write_files(folder: Path, clip: Clip, site: str, camera: CameraConfig, softw
     first_s, last_s = clip.kept[0].frame.capture_s, clip.kept[-1].frame.capture_s
     lines = [state_line(one.result(roi.id), camera.id, first_s).line() for one in clip.kept]
     contents = {
-        TIMES: b"".join(sidecar(one.frame, one.now_s) for one in clip.kept),
+        TIMES: b"".join(sidecar(one.frame, one.now_s, one.result(roi.id).quality) for one in clip.kept),
         STATES: b"".join(line + b"\n" for line in lines),
         STATE: encode_state(clip.start),
         CAMERA: _camera_text(camera, roi.id).encode(),

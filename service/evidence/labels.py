@@ -90,7 +90,9 @@ def _write(base: Path, evidence: Evidence, labels: str) -> None:
     video, text = base.with_name(base.name + ".mkv"), base.with_name(base.name + ".txt")
     try:
         base.parent.mkdir(parents=True, exist_ok=True)
-        frames = [whole(frame) for frame, _ in read_frames(evidence.folder / CLIP, evidence.folder / TIMES)]
+        frames = [
+            whole(frame) for frame, _, _ in read_frames(evidence.folder / CLIP, evidence.folder / TIMES)
+        ]
         if frames[0].encoding == "bgr8":
             write_video(video, [frame.data for frame in frames], frames, "bgr24")
         else:

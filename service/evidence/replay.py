@@ -12,12 +12,15 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from models.roi import Image, Roi
 from service.config import CameraConfig
+from service.detection import Detection
 from service.evidence.clip import read_frames
 from service.evidence.meta import CAMERA, CLIP, PRIOR, STATE, STATES, TIMES, Evidence, EvidenceError
 from service.evidence.state import decode_state
 from service.frames import Frame
 from service.pipeline import CameraPipeline
+from service.quality import CameraQuality, Quality
 from service.replay import Summary, Watcher, replay
 from service.store.prior import Prior, decode
 
@@ -58,6 +61,33 @@ def load_prior(evidence: Evidence) -> Prior | None:
     return prior.with_version(evidence.meta.prior)
 
 
+class _Recorded(CameraQuality):
+    """What was judged of the picture then, in the place of a judgement that lacks the minutes before."""
+
+    def __init__(self, camera: CameraConfig) -> None:
+        super().__init__(camera.id, camera.quality, tuple(roi.id for roi in camera.rois))
+        self.now = Quality()
+        """Of the frame that comes next."""
+
+    def picture(self, frame: Frame, now_s: float) -> None:
+        """Known already."""
+
+    def look(self, roi: str, gray: Image, time_s: float) -> None:
+        """Known already."""
+
+    def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
+        """Known already."""
+
+    def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
+        """Where the region lay then."""
+        x, y = self.now.offset_px
+        return roi.at(roi.x + x, roi.y + y), (x, y)
+
+    def judged(self, roi: str) -> Quality:
+        """What was judged then."""
+        return self.now
+
+
 def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...] = ()) -> Compared:
     """Replay it into `out` as any recording, and compare. Raises LumpwatchError."""
     evidence.check()
@@ -65,13 +95,15 @@ def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...]
     camera, prior = load_camera(evidence), load_prior(evidence)
     start = decode_state(evidence.read(STATE), str(evidence.folder / STATE), prior)
     decided_s: dict[int, float] = {}
+    quality = _Recorded(camera)
 
     def frames() -> Iterator[Frame]:
-        for frame, now_s in read_frames(evidence.folder / CLIP, evidence.folder / TIMES):
-            decided_s[frame.seq] = now_s
+        for frame, now_s, judged in read_frames(evidence.folder / CLIP, evidence.folder / TIMES):
+            decided_s[frame.seq], quality.now = now_s, judged
             yield frame
 
     def prepare(pipeline: CameraPipeline) -> None:
+        pipeline.quality = quality
         if meta.exact:
             pipeline.restore(meta.roi, start)
 

@@ -100,11 +100,13 @@ class _Shadow:
         self.sizer = None if calibration is None else Sizer(calibration, *size)
         self.size = size
 
-    def look(self, frame: Frame) -> None:
-        """Filter and decide one frame; raises whatever is wrong."""
+    def look(self, frame: Frame, offset_px: tuple[int, int] = (0, 0)) -> None:
+        """Filter and decide one frame, the region moved by so much; raises whatever is wrong."""
         assert self.detector is not None
-        gray = working_luma(frame, self.detector.roi)
-        colour = working_colour(frame, self.detector.roi) if self.config.detector.needs_colour else None
+        roi = self.detector.roi
+        place = roi.at(roi.x + offset_px[0], roi.y + offset_px[1])
+        gray = working_luma(frame, place)
+        colour = working_colour(frame, place) if self.config.detector.needs_colour else None
         dt = DEFAULT_INTERVAL_S if self.looked_s is None else frame.capture_s - self.looked_s
         found = self.detector.step(gray, colour, dt)
         if self.sizer is not None:
@@ -161,9 +163,7 @@ class Shadows:
 
     def follow(self, results: tuple[RoiResult, ...], spent_s: float) -> None:
         """Look at the frame of these results; the priors in use took `spent_s` for it."""
-        decided = [
-            one for one in results if one.decided and one.roi in self._shadows and one.frame is not None
-        ]
+        decided = [one for one in results if one.fit and one.roi in self._shadows and one.frame is not None]
         if not decided or decided[0].frame is None:
             return
         self._earn(decided[0].frame, spent_s)
@@ -211,7 +211,7 @@ class Shadows:
             )
         counts = shadow.differences.counts
         try:
-            looked = self._look(shadow, result.frame)
+            looked = self._look(shadow, result.frame, result.quality.offset_px)
         except Exception as error:  # whatever it is: the shadow ends, the prior in use decides on
             self._end(shadow, error)
             return
@@ -224,17 +224,17 @@ class Shadows:
         self._compare(shadow, result)
         self._observer.shadow_counted(shadow.config.id, counts, shadow.differences.counts)
 
-    def _look(self, shadow: _Shadow, frame: Frame) -> bool:
+    def _look(self, shadow: _Shadow, frame: Frame, offset_px: tuple[int, int]) -> bool:
         if self._clock is None:
             shadow.fit(frame, self._make)
-            shadow.look(frame)
+            shadow.look(frame, offset_px)
             return True
         if not self._budget.allows(shadow.config.id):
             return False
         started = self._clock()
         try:
             shadow.fit(frame, self._make)
-            shadow.look(frame)
+            shadow.look(frame, offset_px)
         finally:
             self._budget.spend(shadow.config.id, self._clock() - started)
         return True

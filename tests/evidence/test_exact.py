@@ -67,6 +67,24 @@ def test_a_replay_from_the_stored_state_gives_the_same_lines(tmp_path: Path, obj
     assert clip.kept[0].frame.seq > 10
 
 
+def test_what_was_judged_of_the_picture_is_replayed_too(tmp_path: Path) -> None:
+    """A picture that freezes with the lump in it: frozen is found from seconds that the clip does not hold."""
+    tree = site_tree()
+    tree["cameras"][0]["quality"] = {
+        name: {"enabled": False}
+        for name in ("dark", "glare", "blurred", "dusty", "hidden", "moved", "exposure")
+    } | {"frozen": {"entry_s": 0.1}, "window_s": 0.5}
+    one = site(tree).cameras[0]
+    scene = Scene(one, {"apron": prior()})
+    scene.show(4.0, lambda k: moving(k, visible=False))
+    scene.show(0.1, lambda k: moving(k, visible=True))
+    scene.show(6.0, lambda k: moving(41, visible=True))
+    evidence = written(scene.clips[0], one, tmp_path / "e")
+    told = [json.loads(line)["state"] for line in (tmp_path / "e" / STATES).read_bytes().splitlines()]
+    assert {"LUMP", "BLIND"} <= set(told)
+    assert replay_evidence(evidence, tmp_path / "out").equal
+
+
 def test_without_the_stored_state_the_decisions_differ(tmp_path: Path) -> None:
     """Else the test above could not fail."""
     one = made(1)
@@ -112,7 +130,7 @@ def test_every_kind_of_frame_comes_back_to_the_byte(tmp_path: Path, encoding: st
     evidence = written(clip, one, tmp_path / "e")
     frames = list(read_frames(evidence.folder / CLIP, evidence.folder / "frames.jsonl"))
     assert len(frames) == len(clip.kept) > 20
-    for (frame, now_s), kept in zip(frames, clip.kept, strict=True):
+    for (frame, now_s, _), kept in zip(frames, clip.kept, strict=True):
         assert same(frame, kept.frame)
         assert now_s == kept.now_s
     assert replay_evidence(evidence, tmp_path / "out").equal
