@@ -30,14 +30,12 @@ from models.learning import (
     samples,
 )
 from models.learning.motion import Law, ModelSpec
-from models.learning.sizes import with_sizes
 from models.learning.switches import fit_switching
 from models.motion_prior import CellVelocities
 from models.profile import RowProfile, learn_profile
 from models.roi import Roi
 from service.config.cameras import RoiConfig
 from service.config.jdt import HistogramConfig, JdtConfig
-from service.default_lump import DEFAULT_LUMP
 from service.footage import Footage, TrainingError, read_footage
 from service.frames import Frame
 from service.labels import Box, LabelError, check_frames
@@ -53,10 +51,6 @@ BIRTH_S = 0.5
 """How long after its first label an object counts as newborn."""
 LEAST_BANDWIDTH_H = 0.01
 """Floor of a kernel's bandwidth, ROI heights."""
-RIDGE = 0.03
-"""How strongly the weights of the lump likelihood are drawn towards those that fit many scenes."""
-QUIET = 0.997
-"""Share of the pictures of the training footage in which nothing but lumps looks like a lump."""
 _LEAST_BIRTH = 0.05
 
 _LAWS: dict[str, Law] = {
@@ -127,7 +121,7 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
     except ValueError as error:
         raise TrainingError(f"{source}: {error} inside roi {roi.id}") from error
     motion = fit_motion(steps, _specs(config, height), LEAST_SPREAD_H_S * height)
-    profile = with_sizes(learn_profile(steps.states, height), steps.states, steps.starts, height)
+    profile = learn_profile(steps.states, height)
     fit = _fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
     learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
@@ -184,7 +178,7 @@ def _fit_likelihood(
     try:
         if isinstance(config.likelihood, HistogramConfig):
             return fit_histogram(footage.views, births, config.likelihood.channel, rng)
-        return fit_lump(footage.views, births, rng, towards=DEFAULT_LUMP, ridge=RIDGE, quiet=QUIET)
+        return fit_lump(footage.views, births, rng)
     except ValueError as error:
         raise TrainingError(f"{source}: {error}") from error
 

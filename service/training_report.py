@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.learning.learned import Learned, LumpFit
-from models.likelihood.lump_features import FEATURES
+from models.likelihood.lump import FEATURES
 from service import html
 from service.clips import Material
 from service.config import JdtConfig, NetworkConfig, RoiConfig
@@ -27,18 +27,6 @@ _WORDS = {
     "spread": "uneven brightness inside",
     "core_texture": "rough inside, measured by the contrast around",
     "ring_texture": "rough around, measured by the contrast there",
-    "broad_contrast": "brighter or darker than the ring, noise averaged out",
-    "edge": "a step of brightness along its sides",
-    "weakest_edge": "such a step on every side",
-    "edge_inside": "a step inside its sides: the box is too large, or the rim is shaded",
-    "edge_outside": "a step outside its sides: the box is too small, or in a shadow",
-    "corners": "the corners of the box belong to the surroundings",
-    "broad_texture": "coarser structure than in the ring",
-    "broad_spread": "coarse unevenness of brightness inside",
-    "broad_outline": "coarse edges along its outline, not inside",
-    "weakest_outline": "such edges on every side",
-    "shadow": "brighter above than below",
-    "grain": "the ring varies from pixel to pixel more than at large",
 }
 
 
@@ -210,22 +198,21 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
     title = "What tells a lump from ore"
     if isinstance(config.likelihood, NetworkConfig):
         return html.section(title, [html.paragraph(f"The network {config.likelihood.model.name}.")])
-    if not isinstance(fit, LumpFit) or len(fit.weights) < 2 * len(FEATURES):
+    if not isinstance(fit, LumpFit) or len(fit.weights) % len(FEATURES):
         return html.section(
             title, [html.paragraph("The likeness of its histogram to that of the labelled lumps.")]
         )
-    weights = fit.weights[: 2 * len(FEATURES)].reshape(2, -1)
+    weights = fit.weights.reshape(-1, len(FEATURES))
     order = np.argsort(-np.abs(weights).sum(axis=0))
     rows = []
     for k in order:
-        bent = float(weights[1, k])
+        bent = float(weights[1, k]) if len(weights) > 1 else 0.0
         name = FEATURES[k]
         rows.append(
             (html.text(name), html.text(_WORDS.get(name, "")), _says(float(weights[0, k])), _bend(bent))
         )
     about = (
-        "By weight, features standardised: how much one standard deviation adds to the log likelihood "
-        "ratio; products of two features are left out here."
+        "By weight, features standardised: how much one standard deviation adds to the log likelihood ratio."
     )
     headings = ("feature", "measures", "more of it", "unusual values")
     return html.section(title, [html.paragraph(about, "note"), html.table(headings, rows)])

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from models.density import GridDensity
 from models.learning import HistogramFit, Learned, LumpFit
-from models.likelihood.lump import WEIGHTS
-from models.likelihood.lump_features import FEATURES
 from models.profile import RowProfile
 from models.state import Y
 from service.config import CameraConfig, SiteConfig, parse
@@ -87,8 +85,7 @@ def bright_fit(channel: Literal["luma", "colour"] = "luma") -> HistogramFit:
 
 
 def lump_fit() -> LumpFit:
-    n = len(FEATURES)
-    return LumpFit(np.linspace(0.1, 0.8, n), np.linspace(0.5, 1.2, n), np.linspace(-1.0, 1.0, WEIGHTS), 0.25)
+    return LumpFit(np.linspace(0.1, 0.8, 8), np.linspace(0.5, 1.2, 8), np.linspace(-1.0, 1.0, 16), 0.25)
 
 
 def prior(

@@ -22,8 +22,7 @@ from pydantic import BaseModel, ConfigDict
 from models.density import COMPONENTS, GridDensity
 from models.learning.learned import HistogramFit, Learned, LumpFit
 from models.likelihood.histogram import BINS
-from models.likelihood.lump import WEIGHTS
-from models.likelihood.lump_features import FEATURES
+from models.likelihood.lump import FEATURES
 from models.motion_prior import VELOCITY_BINS, CellVelocities
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
@@ -33,8 +32,6 @@ from service.store.sealed import SealError, seal, unseal
 FORMAT = 1
 MAX_BYTES = 256 << 20
 _ASPECT_TOLERANCE = 0.01
-_FIRST_FEATURES = 8
-"""Features of the lump likelihood in priors of the first versions; they are the first of today's."""
 
 
 class PriorError(LumpwatchError):
@@ -111,8 +108,6 @@ def encode(prior: Prior) -> bytes:
         "profile_mean": learned.profile.mean,
         "profile_spread": learned.profile.spread,
     }
-    if np.isfinite(learned.profile.aspect_spread):
-        arrays["profile_aspect"] = np.array([learned.profile.aspect_spread])
     if isinstance(fit, LumpFit):
         arrays |= {
             "fit_mean": fit.mean,
@@ -173,36 +168,6 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
     return CellVelocities(float(cell), float(fastest), counts)
 
 
-def _aspect(arrays: dict[str, NDArray[Any]]) -> float:
-    if "profile_aspect" not in arrays:
-        return np.inf
-    (aspect,) = arrays["profile_aspect"]
-    if not aspect > 0:
-        raise ValueError("the aspect has no spread")
-    return float(aspect)
-
-
-def _lump_fit(arrays: dict[str, NDArray[Any]]) -> LumpFit:
-    """The fit; features that the likelihood got after the prior was trained have no weight in it."""
-    mean, scale, weights = (arrays[f"fit_{name}"] for name in ("mean", "scale", "weights"))
-    n, missing = len(mean), len(FEATURES) - len(mean)
-    if (n == len(FEATURES) and weights.shape != (WEIGHTS,)) or (
-        n != len(FEATURES) and weights.shape != (2 * n,)
-    ):
-        raise ValueError("the fit's arrays have different lengths")
-    if n not in (_FIRST_FEATURES, len(FEATURES)) or mean.shape != scale.shape or mean.ndim != 1:
-        raise ValueError(f"{n} features")
-    if missing:
-        squares = np.concatenate([weights[:n], np.zeros(missing), weights[n:]])
-        weights = np.append(squares, np.zeros(WEIGHTS - len(squares)))
-    return LumpFit(
-        np.append(mean, np.zeros(missing)),
-        np.append(scale, np.ones(missing)),
-        weights,
-        float(arrays["fit_line"][0]),
-    )
-
-
 def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
     """Arrays back to their places; raises ValueError where a shape or number cannot be right."""
     m = len(meta["models"])
@@ -216,7 +181,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
     line = arrays["fit_line"]
     fit: LumpFit | HistogramFit
     if meta["likelihood"] == "lump":
-        fit = _lump_fit(arrays)
+        fit = LumpFit(arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"], float(line[0]))
     else:
         fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
     knots, axes = len(arrays["profile_mean"]), len(density.components)
@@ -233,7 +198,8 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         "label_counts": (m,),
     }
     if isinstance(fit, LumpFit):
-        shapes |= {"fit_line": (1,)}
+        n = len(FEATURES)
+        shapes |= {"fit_mean": (n,), "fit_scale": (n,), "fit_weights": (2 * n,), "fit_line": (1,)}
     else:
         shapes |= {"fit_reference": (BINS,), "fit_line": (2,)}
     for key, shape in shapes.items():
@@ -253,9 +219,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         interval_s=float(meta["interval_s"]),
         density=density,
         births=arrays["births"],
-        profile=RowProfile(
-            float(first), float(step), arrays["profile_mean"], arrays["profile_spread"], _aspect(arrays)
-        ),
+        profile=RowProfile(float(first), float(step), arrays["profile_mean"], arrays["profile_spread"]),
         likelihood=fit,
         birth_places=_places(arrays),
         cells=_cells(arrays),
