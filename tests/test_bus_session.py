@@ -22,7 +22,8 @@ def test_a_port_in_use_is_an_error_that_names_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "endpoint", ["tcp/192.0.2.1:7447", "tcp/192.0.2.1:0", "tcp/127.0.0.1", "tls/127.0.0.1:0", "tcp/[::g]:1"]
+    "endpoint",
+    ["tcp/192.0.2.1:7447", "tcp/192.0.2.1:0", "tcp/127.0.0.1", "udp/192.0.2.1:7447", "tcp/[::g]:1"],
 )
 def test_an_endpoint_that_cannot_be_had_is_an_error_of_one_line(endpoint: str) -> None:
     with pytest.raises(BusError, match=r"^bus: cannot listen on [^\n]+: [^\n]+$") as caught:

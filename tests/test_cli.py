@@ -497,9 +497,12 @@ def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:
         "frame": 41,
         "id": "id-000001",
         "sequence": 1,
+        "longest_mm": None,
+        "lip_s": None,
+        "evidence": None,
     }
     rows = list(csv.DictReader(io.StringIO(done(capsys, "events", config, "--format", "csv"))))
-    assert [{k: str(v) for k, v in one.items()} for one in (first, second)] == rows
+    assert [{k: "" if v is None else str(v) for k, v in one.items()} for one in (first, second)] == rows
     table = done(capsys, "events", config, "--camera", "cam")
     assert 'dust, and "more"' in table
     assert table.count("UNACKNOWLEDGED") == 2
