@@ -11,13 +11,17 @@ FROM ${BASE} AS build
 WORKDIR /source
 COPY deploy/container/requirements.lock ./
 RUN python3 -m venv /opt/lumpwatch && \
-    /opt/lumpwatch/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r requirements.lock
+    /opt/lumpwatch/bin/pip install --no-cache-dir --no-compile --disable-pip-version-check --require-hashes -r requirements.lock
 COPY pyproject.toml README.md LICENSE ./
 COPY models models
 COPY service service
-RUN /opt/lumpwatch/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps . && \
+# What no running program reads goes: tests, headers, sources of compiled parts, type stubs, sample data.
+RUN /opt/lumpwatch/bin/pip install --no-cache-dir --no-compile --disable-pip-version-check --no-deps . && \
     /opt/lumpwatch/bin/pip uninstall --yes --quiet pip setuptools && \
-    find /opt/lumpwatch -type d \( -name tests -o -name __pycache__ \) -prune -exec rm -rf {} + && \
+    find /opt/lumpwatch -type d \( -name tests -o -name __pycache__ -o -name sample_data \) -prune -exec rm -rf {} + && \
+    find /opt/lumpwatch -type f \( -name '*.h' -o -name '*.hpp' -o -name '*.a' -o -name '*.c' -o -name '*.pxd' \
+        -o -name '*.pyx' -o -name '*.pyi' \) -delete && \
+    find /opt/lumpwatch/bin -type f ! -name lumpwatch -delete && \
     python3 -m compileall -q -j 0 /opt/lumpwatch && \
     mkdir -p /empty/var/lib/lumpwatch
 
@@ -31,6 +35,8 @@ LABEL org.opencontainers.image.title="lumpwatch" \
       org.opencontainers.image.version="${VERSION}" \
       org.opencontainers.image.revision="${REVISION}" \
       org.opencontainers.image.created="${CREATED}"
+# Nothing can be installed into what runs.
+RUN python3 -m pip uninstall --yes --quiet --root-user-action ignore pip setuptools wheel
 COPY --from=build /opt/lumpwatch /opt/lumpwatch
 COPY --from=build --chown=10001:10001 /empty/var/lib/lumpwatch /var/lib/lumpwatch
 # Compiled kernels stay in the store's volume: the first start takes some seconds longer than the next.

@@ -14,7 +14,7 @@ ORACLE := trackeval==1.3.0
 SYSTEM_PACKAGES := prometheus iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
 	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
 
-.PHONY: help setup demo test quick lint format bench reproduce docs lock system clean
+.PHONY: help setup demo test quick lint format bench reproduce docs lock sbom audit system clean
 
 help: ## this list
 	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -60,6 +60,18 @@ docs: setup ## the generated part of the documentation
 lock: setup ## resolve the dependencies anew
 	$(BIN)/uv pip compile --quiet pyproject.toml --group dev --all-extras --universal --python-version 3.11 \
 		--generate-hashes --no-header --no-emit-find-links --output-file requirements.lock
+	$(BIN)/uv pip compile --quiet pyproject.toml --extra plot --universal --python-version 3.11 --constraint requirements.lock \
+		--generate-hashes --no-header --no-emit-find-links --output-file deploy/container/requirements.lock
+
+sbom: setup ## what the image is made of, as CycloneDX, into build/sbom.json
+	@mkdir -p build
+	$(BIN)/uv tool run --from cyclonedx-bom cyclonedx-py requirements --no-validate \
+		--output-reproducible --output-file build/sbom.json deploy/container/requirements.lock
+
+audit: setup ## known vulnerabilities of what the image is made of; needs the advisory service
+	$(BIN)/uv tool run pip-audit --strict --require-hashes --disable-pip --progress-spinner off \
+		--requirement deploy/container/requirements.lock || \
+		{ echo "audit: a vulnerability was found, or the advisory service at pypi.org cannot be asked (see above)"; exit 1; }
 
 system:
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

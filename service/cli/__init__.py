@@ -38,6 +38,7 @@ _MODULES = {
     "report": ("report",),
     "proof": ("proof",),
     "simulate": ("simulate",),
+    "deploy": ("deploy",),
 }
 """Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
 

@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent
 
+from service.config.base import Id
 from service.config.site import SiteConfig
 from service.errors import ConfigError
 
@@ -28,18 +29,37 @@ def load(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
     Raises ConfigError, one line, for a file that cannot be read, YAML that cannot be parsed, an
     unset variable, or a key that is unknown, missing or wrong.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ConfigError(f"{path}: larger than {_MAX_BYTES >> 20} MiB, not a configuration")
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not UTF-8 text") from error
+    text = read_text(path)
     config = parse(text, str(path), environ, path.parent)
     store = config.store.model_copy(update={"path": path.parent / config.store.path})
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
     return config.model_copy(update={"store": store, "bus": config.bus.model_copy(update={"tls": tls})})
+
+
+def read_text(path: Path) -> str:
+    """The configuration file's text. Raises ConfigError where it cannot be one."""
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise ConfigError(f"{path}: larger than {_MAX_BYTES >> 20} MiB, not a configuration")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text") from error
+
+
+def site_name(path: Path) -> str:
+    """The name of the site alone: also from a file whose other keys are wrong or whose secrets are not here.
+
+    Raises ConfigError.
+    """
+    try:
+        return TypeAdapter(Id).validate_python(_read_yaml(read_text(path)).get("site"))
+    except ValidationError:
+        raise ConfigError(f"{path}: site: expected a name") from None
+    except ConfigError as error:
+        named = str(error).startswith(str(path))
+        raise ConfigError(str(error) if named else f"{path}: {error}") from None
 
 
 def parse(
@@ -64,6 +84,12 @@ def parse(
     problem = problem.encode("utf-8", "backslashreplace").decode()
     # Not chained: the causes carry the configuration, and with it what is secret in it.
     raise ConfigError(f"{name}: {' '.join(problem.split())}") from None
+
+
+def variables(text: str, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """The variables that a configuration's text names and the environment gives, with their values: secrets."""
+    names = sorted({match.group(1) for match in _VARIABLE.finditer(text)})
+    return {name: _variable(name, name, environ) for name in names if {name, f"{name}_FILE"} & environ.keys()}
 
 
 def schema() -> str:

@@ -182,5 +182,5 @@ class AlarmFollower:
 
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
-        self._process.wait(timeout=10)
+        self._process.wait(timeout=60)
         self._file.close()

@@ -1,0 +1,177 @@
+"""`lumpwatch deploy`: the daemon as a container, on any engine with a Docker-compatible socket."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.common import Command, Commands, add_command
+from service.config.load import site_name
+from service.deployment.bundle import Bundle, bundle
+from service.deployment.errors import DeployError
+from service.deployment.plan import Found, short
+from service.deployment.rollout import Rollout
+
+if TYPE_CHECKING:
+    from service.deployment.engine import DockerEngine
+
+IMAGE = "lumpwatch:latest"
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "deploy",
+        status,
+        "Run the daemon as a container: roll out, look at it, go back. Talks to Docker or Podman.",
+        "lumpwatch deploy up site.yaml --image registry.example/lumpwatch:0.1.0",
+    )
+    actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True)
+    for name, command, help_text in (
+        ("plan", plan, "say what `up` would do, and change nothing"),
+        ("up", up, "bring the site to this image and configuration, and wait until it is ready"),
+    ):
+        one = _action(actions, name, command, help_text)
+        one.add_argument("--image", default=IMAGE, metavar="NAME", help=f"image to run (default: {IMAGE})")
+        one.add_argument("--network", default="host", metavar="NAME", help="network (default: host)")
+        one.add_argument("--memory", type=_mib, metavar="MIB", help="limit (default: 512 + 1024 a camera)")
+        if name == "up":
+            one.add_argument("--pull", action="store_true", help="ask the registry even where it is here")
+            one.add_argument("--build", type=Path, metavar="FOLDER", help="build the image from this source")
+            one.add_argument(
+                "--build-arg", action="append", default=[], metavar="KEY=VALUE", help="for --build"
+            )
+            _timeout(one)
+    one = _action(actions, "status", status, "what runs, what is kept; exit code 0 while it is ready")
+    one = _action(actions, "logs", logs, "the log of the container in use")
+    one.add_argument("--tail", type=int, default=100, metavar="N", help="last lines (default: 100)")
+    one.add_argument("--follow", action="store_true", help="go on until interrupted")
+    one = _action(actions, "rollback", rollback, "exchange the container in use and the one before")
+    _timeout(one)
+
+
+def _action(
+    actions: argparse._SubParsersAction[argparse.ArgumentParser], name: str, command: Command, text: str
+) -> argparse.ArgumentParser:
+    one = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+    one.set_defaults(command=command)
+    one.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    one.add_argument("--socket", metavar="PATH", help="socket or address of the engine")
+    return one
+
+
+def _timeout(one: argparse.ArgumentParser) -> None:
+    one.add_argument(
+        "--timeout",
+        type=float,
+        default=120.0,
+        metavar="S",
+        help="how long it may take until ready (default: 120)",
+    )
+
+
+def _mib(text: str) -> int:
+    value = int(text)
+    if value < 64:
+        raise argparse.ArgumentTypeError(f"{value} MiB: too little, expected at least 64")
+    return value
+
+
+def plan(arguments: argparse.Namespace) -> int:
+    """Run `deploy plan`."""
+    wanted, engine = _bundle(arguments), _engine(arguments)
+    rollout = Rollout(engine, wanted.name, 0.0, _say)
+    image = engine.image(arguments.image)
+    decided = rollout.plan(image, wanted)
+    _say(f"{wanted.name}: {decided.action} ({'; '.join(decided.reasons)})")
+    _say(f"image {arguments.image} {short(image)}, network {wanted.network}, store {wanted.store_volume}")
+    _say(f"shared memory {wanted.shm_mib} MiB, memory limit {wanted.memory_mib} MiB")
+    return 0
+
+
+def up(arguments: argparse.Namespace) -> int:
+    """Run `deploy up`."""
+    given = [one.partition("=") for one in arguments.build_arg]
+    if wrong := [key for key, equals, _ in given if not key or not equals]:
+        raise DeployError(f"--build-arg {wrong[0]}: expected KEY=VALUE")
+    wanted, engine = _bundle(arguments), _engine(arguments)
+    if arguments.build is not None:
+        _say(f"building {arguments.image} from {arguments.build}")
+        image = engine.build(arguments.build, arguments.image, {key: value for key, _, value in given})
+    else:
+        image = engine.image(arguments.image, arguments.pull)
+    Rollout(engine, wanted.name, arguments.timeout, _say).up(image, wanted)
+    return 0
+
+
+def rollback(arguments: argparse.Namespace) -> int:
+    """Run `deploy rollback`."""
+    _rollout(arguments, _engine(arguments), arguments.timeout).rollback()
+    return 0
+
+
+def status(arguments: argparse.Namespace) -> int:
+    """Run `deploy status`."""
+    engine = _engine(arguments)
+    rollout = _rollout(arguments, engine)
+    rows = [engine.found(name) for name in (rollout.current, rollout.previous)]
+    current = rows[0]
+    problems = engine.health(rollout.current) if current is not None and current.running else None
+    table = Table()
+    for heading in ("container", "state", "image", "configuration", "started"):
+        table.add_column(heading)
+    for row in rows:
+        if row is not None:
+            table.add_row(*_cells(row))
+    if current is None:
+        raise DeployError(f"{rollout.current}: no such container; start it by lumpwatch deploy up")
+    Console().print(table)
+    for problem in ["it does not answer"] if problems is None else problems:
+        _say(f"not ready: {problem}")
+    if problems == []:
+        _say("ready")
+    return 0 if problems == [] else 1
+
+
+def logs(arguments: argparse.Namespace) -> int:
+    """Run `deploy logs`."""
+    engine = _engine(arguments)
+    name = _rollout(arguments, engine).current
+    if arguments.follow:
+        for part in engine.follow(name, arguments.tail):
+            sys.stdout.write(part.decode(errors="replace"))
+            sys.stdout.flush()
+        return 0
+    for line in engine.logs(name, arguments.tail):
+        _say(line)
+    return 0
+
+
+def _cells(found: Found) -> tuple[str, ...]:
+    restarts = f", {found.restarts} restarts" if found.restarts else ""
+    return found.name, found.status + restarts, short(found.image), found.digest[:12], found.since[:19]
+
+
+def _bundle(arguments: argparse.Namespace) -> Bundle:
+    return bundle(arguments.config, arguments.network, arguments.memory)
+
+
+def _rollout(arguments: argparse.Namespace, engine: DockerEngine, timeout_s: float = 0.0) -> Rollout:
+    return Rollout(engine, f"lumpwatch-{site_name(arguments.config)}", timeout_s, _say)
+
+
+def _engine(arguments: argparse.Namespace) -> DockerEngine:
+    from service.deployment.engine import connect  # the SDK takes a while, and no other command needs it
+
+    return connect(arguments.socket)
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()

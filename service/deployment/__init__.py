@@ -1,0 +1,1 @@
+"""Rolling the daemon out as a container: `lumpwatch deploy`. Only `engine` knows the container engine."""
