@@ -87,6 +87,19 @@ def test_certificates_travel_and_must_lie_beside_the_configuration(tmp_path: Pat
         bundle(write(tmp_path, "sim:feed", bus=bus), environ={})
 
 
+def test_a_network_of_ones_own_travels_too(tmp_path: Path) -> None:
+    file = write(tmp_path, "sim:feed")
+    tree = json.loads(file.read_text())
+    likelihood = {"kind": "network", "model": "nets/lumps.onnx"}
+    tree["cameras"][0]["rois"][0]["detector"] = {"kind": "jdt", "likelihood": likelihood}
+    file.write_text(json.dumps(tree))
+    with pytest.raises(ConfigError, match=r"roi apron: model .*lumps\.onnx: cannot be read"):
+        bundle(file, environ={})
+    (tmp_path / "nets").mkdir()
+    (tmp_path / "nets" / "lumps.onnx").write_bytes(b"a network")
+    assert bundle(file, environ={}).files["nets/lumps.onnx"] == b"a network"
+
+
 def test_ports_are_those_of_the_configuration(tmp_path: Path) -> None:
     def on_bridge(**top: Any) -> Bundle:
         return bundle(write(tmp_path, "sim:feed", **top), network="bridge", environ={})

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 
-from service.config import SiteConfig, parse
+from service.config import NetworkConfig, SiteConfig, parse
 from service.config.load import read_text, variables
 from service.errors import ConfigError
 from service.readiness import SHARED_MEMORY_MIB
@@ -106,7 +106,7 @@ def bundle(
     """Gather what the configuration file needs. Raises ConfigError, also for what cannot work in a container."""
     text = read_text(path)
     config = parse(text, str(path), environ)
-    files = {CONFIG.name: text.encode()} | _certificates(config, path.parent)
+    files = {CONFIG.name: text.encode()} | _beside(config, path.parent)
     environment: dict[str, str] = {}
     for name, value in variables(text, environ).items():
         # As files: what stands in the environment is shown to whoever may inspect the container.
@@ -129,20 +129,25 @@ def bundle(
     )
 
 
-def _certificates(config: SiteConfig, folder: Path) -> dict[str, bytes]:
+def _beside(config: SiteConfig, folder: Path) -> dict[str, bytes]:
+    """The files that the configuration names: certificates, and networks of one's own."""
     tls = config.bus.tls
+    named: list[tuple[str, Path]] = []
+    if tls is not None:
+        named += [("bus.tls.ca", tls.ca), ("bus.tls.certificate", tls.certificate), ("bus.tls.key", tls.key)]
+    for camera in config.cameras:
+        for roi in camera.rois:
+            likelihood = getattr(roi.detector, "likelihood", None)
+            if isinstance(likelihood, NetworkConfig):
+                named.append((f"camera {camera.id}, roi {roi.id}: model", likelihood.model))
     found = {}
-    for key, file in (
-        () if tls is None else (("ca", tls.ca), ("certificate", tls.certificate), ("key", tls.key))
-    ):
+    for key, file in named:
         if file.is_absolute() or ".." in file.parts:
-            raise ConfigError(
-                f"bus.tls.{key} {file}: name it relative to the configuration file, and below it"
-            )
+            raise ConfigError(f"{key} {file}: name it relative to the configuration file, and below it")
         try:
             found[file.as_posix()] = (folder / file).read_bytes()
         except OSError as error:
-            raise ConfigError(f"bus.tls.{key} {folder / file}: cannot be read ({error.strerror})") from error
+            raise ConfigError(f"{key} {folder / file}: cannot be read ({error.strerror})") from error
     return found
 
 

@@ -167,6 +167,7 @@ def test_the_life_of_a_container(tmp_path: Path, site: Site, engine: DockerEngin
         heard = len(beats.times)
         wait_for("heartbeats again", lambda: len(beats.times) > heard + 3, 60)
         print(f"widest gap in the heartbeat: {beats.widest_s():.1f} s; {bad.stderr.strip()}")
+        assert beats.widest_s() < 30.0  # what docs/deployment.md states
 
     # An upgrade, and back.
     site.write(raise_above=0.8)
