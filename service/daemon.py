@@ -112,6 +112,8 @@ def run(
         inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
         chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
         tasks = [task for camera in chosen for task in _tasks(inner, camera) if task.role in roles]
+        for task in tasks:
+            metrics.watched(task.camera, task.role)
         supervisor = Supervisor(tasks, relay, metrics.restarted)
         watched = config.model_copy(update={"cameras": tuple(chosen) if "monitor" in roles else ()})
         health = DaemonHealth(watched, supervisor)

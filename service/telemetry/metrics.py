@@ -391,6 +391,11 @@ class DaemonMetrics:
             registry=registry,
         )
 
+    def watched(self, camera: str, stage: str) -> None:
+        """A worker process is watched: its first restart is to be seen as a rise from 0."""
+        for reason in ("exited", "stuck"):
+            self._restarts.labels(camera, stage, reason)
+
     def restarted(self, camera: str, stage: str, reason: str) -> None:
         """A worker process is started again."""
         self._restarts.labels(camera, stage, reason).inc()

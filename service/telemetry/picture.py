@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from service.messages import BlindReason
-from service.quality import Quality
+
+if TYPE_CHECKING:  # the camera's process counts with this package, and needs no filter
+    from service.quality import Quality
 
 
 class PictureMetrics:

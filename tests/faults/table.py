@@ -53,8 +53,8 @@ def read(folder: Path) -> list[Row]:
     return [Row(**json.loads(path.read_text(encoding="utf-8"))) for path in sorted(folder.glob("*.json"))]
 
 
-def page(rows: Iterable[Row], version: str) -> str:
-    """The page in Markdown."""
+def page(rows: Iterable[Row], version: str, measured: str) -> str:
+    """The page in Markdown; `measured` is a sentence on when and on what the rows were measured."""
     lines = [
         "<!-- Written by `python -m tests.faults` from what the tests measured; run that instead of editing. -->",
         "",
@@ -67,6 +67,8 @@ def page(rows: Iterable[Row], version: str) -> str:
         "get every record once and in the order of its sequence. While the picture is dead, no region read CLEAR",
         "for longer than the limit in the third column. A `-` means that there is nothing to notice or to recover",
         "from.",
+        "",
+        measured,
         "",
         "| fault | what was done | seconds until noticed (limit) | alarms lost | how it recovers, seconds (limit) |",
         "|---|---|---|---|---|",

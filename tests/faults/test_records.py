@@ -36,6 +36,7 @@ from tests.test_event_log import event
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
 RECOVERED_S = 20.0
+STARTED_S = 60.0
 DELIVERED_S = 2.0
 FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
 EVENTS_BEFORE = 60
@@ -72,7 +73,7 @@ class Disk:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         folder.mkdir()
-        self.mounted = self._mount("-t", "tmpfs", "-o", "size=4m", "tmpfs", str(folder))
+        self.mounted = self._mount("-t", "tmpfs", "-o", "size=64m", "tmpfs", str(folder))
 
     def _mount(self, *arguments: str) -> bool:
         return subprocess.run(["mount", *arguments], capture_output=True, check=False).returncode == 0
@@ -82,7 +83,7 @@ class Disk:
         """Not a byte is free."""
         filler = self.folder / "filler"
         with filler.open("wb", buffering=0) as file:
-            for size in (65536, 4096, 1):
+            for size in (1 << 20, 4096, 1):
                 try:
                     while True:
                         file.write(bytes(size))
@@ -251,7 +252,7 @@ def test_the_event_log_is_corrupt(site: Site, record: Record, of: str) -> None:
         Row(
             f"event log corrupt: {of}", DONE[of],
             "`lumpwatch_event_log_problems_total{reason=\"corrupt\"}` and an error in the log; counted from the start",
-            site.damage_told_s[of], PATIENCE_S, site.outside.lost(site.store, of),
+            site.damage_told_s[of], STARTED_S, site.outside.lost(site.store, of),
             "the file is moved aside, a new one begins; a lump is announced after its appearance in",
             announced, NOTICED_S,
         )
@@ -409,9 +410,9 @@ def test_subscribers_that_come_late_or_sleep(site: Site, record: Record, tmp_pat
         sleeper.wake()
         with AlarmFollower(config, tmp_path / "late.log") as late:
             started = time.monotonic()
-            wait_for("sleeper has caught up", lambda: got(sleeper, last), 30)
+            wait_for("sleeper has caught up", lambda: got(sleeper, last), PATIENCE_S)
             awake = time.monotonic() - woken
-            wait_for("late one has all", lambda: got(late, last), 30)
+            wait_for("late one has all", lambda: got(late, last), PATIENCE_S)
             joined = time.monotonic() - started
             time.sleep(0.5)
             ours = [one["id"] for one in outside.records[CAM]]
@@ -430,7 +431,7 @@ def test_subscribers_that_come_late_or_sleep(site: Site, record: Record, tmp_pat
     record(
         Row(
             "subscriber comes late", "`lumpwatch alarms` started after the alarms", "nothing to notice", None, None,
-            lost, "it gets the last 64 records of each region (since the monitor's start) first", joined, RECOVERED_S,
+            lost, "it gets the last 64 records of each region first", joined, RECOVERED_S,
         )
     )  # fmt: skip
 
