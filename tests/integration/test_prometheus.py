@@ -17,7 +17,11 @@ import pytest
 from ruamel.yaml import YAML
 
 from deploy.grafana.make_dashboards import DASHBOARDS, HERE, dashboard, text
+from service.feed.simulator import FeedSimulator
+from service.feed.spec import FeedSpec
+from tests.integration.conftest import PRIOR
 from tests.integration.site import Daemon, free_port, wait_for
+from tests.reproduction.difficulty.peers import calibration
 from tests.servers.process import RtspServer
 
 PROMETHEUS = Path(__file__).parents[2] / "deploy" / "prometheus"
@@ -27,12 +31,8 @@ CAMERAS = """\
     source: {{url: "sim:feed?lumps_per_minute=20&seed=5"}}
     rois:
       - id: apron
-        polygon: [[0.1, 0.05], [0.9, 0.05], [0.9, 0.98], [0.1, 0.98]]
-        detector: {{working_size_px: 160}}
-        calibration:
-          points: [[0.3, 0.1], [0.7, 0.1], [0.9, 0.9], [0.1, 0.9]]
-          points_mm: [[0, 0], [2400, 0], [2400, 6000], [0, 6000]]
-          lip: [[0.1, 0.9], [0.9, 0.9]]
+        polygon: {place}
+        calibration: {calibration}
   - id: crusher-2
     source: {{url: "{url}", read_timeout_s: 1.0, open_timeout_s: 2.0, backoff: {{initial_s: 0.2, max_s: 1.0}}}}
     blind_after_s: 1.0
@@ -132,11 +132,20 @@ def test_every_panel_has_data_and_a_dead_camera_is_paged(
         for panel in dashboard(name)["panels"]
         for target in panel["targets"]
     }
-    with (
-        RtspServer(feed_clip) as server,
-        Daemon(tmp_path, CAMERAS.format(url=server.url, polygon=polygon)) as daemon,
-        prometheus(tmp_path, daemon.port) as asked,
-    ):
+    with RtspServer(feed_clip) as server, contextlib.ExitStack() as stack:
+        cameras = CAMERAS.format(
+            url=server.url,
+            polygon=polygon,
+            place=[[float(v) for v in point] for point in FeedSimulator(FeedSpec()).polygon],
+            calibration=json.dumps(calibration(FeedSpec())),
+        )
+        daemon = Daemon(tmp_path, cameras)
+        # Without a prior no speed is sure enough to tell the seconds to the lip.
+        target = ("--camera", "crusher-1", "--roi", "apron")
+        imported = daemon.command("priors", "import", str(daemon.config), str(PRIOR), *target)
+        assert imported.returncode == 0, imported.stderr
+        stack.enter_context(daemon)
+        asked = stack.enter_context(prometheus(tmp_path, daemon.port))
         wait_for("ready", lambda: daemon.ready, 120)
 
         def all_answered() -> bool:
