@@ -32,8 +32,13 @@ $(READY): pyproject.toml requirements.lock
 demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself
 	$(BIN)/lumpwatch demo --seconds $(DEMO_SECONDS)
 
+# Those that start daemons and break them mostly wait, so they run beside the others.
+DAEMONS := tests/faults tests/integration
+
 test: setup system ## all tests
-	$(BIN)/pytest
+	@mkdir -p build; $(BIN)/pytest $(DAEMONS) >build/daemons.log 2>&1 & daemons=$$!; \
+	$(BIN)/pytest $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
+	wait $$daemons; code=$$?; cat build/daemons.log; exit $$((others | code))
 
 quick: setup ## the fast tests only
 	$(BIN)/pytest -m "not slow"
