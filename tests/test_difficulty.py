@@ -280,7 +280,7 @@ def test_every_peer_watches_a_feed_and_what_it_said_is_kept(tmp_path: Path) -> N
         assert watched.recording.length == 150
         assert np.all((watched.recording.alarming >= 0) & (watched.recording.alarming <= 1))
         assert np.isfinite(watched.recording.boxes).all()
-        assert np.isfinite(watched.oversize).all() == (key == OURS)
+        assert key != OURS or np.isfinite(watched.oversize).all()
         assert np.all(watched.frame_s > 0)
     # Whether a lump is found in so short a time is no matter here; a map always has a maximum.
     assert set(load(tmp_path, task, "map").recording.owner) == set(range(150))

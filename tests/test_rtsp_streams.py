@@ -149,7 +149,9 @@ def test_a_stream_that_falls_silent(server: RtspServer, how: str, transport: str
         camera.read(30)
         started = time.monotonic()
         server.say("freeze") if how == "freeze" else server.stop()
-        assert camera.breaks().fault is Fault.READ_TIMEOUT
+        # A server that stops in the middle of a picture leaves it damaged, which may be what is seen last.
+        cut_off = {Fault.CORRUPT} if (how, transport) == ("stop", "udp") else set()
+        assert camera.breaks().fault in {Fault.READ_TIMEOUT} | cut_off
         # FFmpeg alone, given 3 s, would take 6.
         assert 2.5 <= time.monotonic() - started <= 5.5
         server.cont()

@@ -26,7 +26,8 @@ KEYS = Keys("test")
 def test_by_command_and_on_a_schedule(tmp_path: Path, polygon: str) -> None:
     """One ROI is tested by itself and passes; the other asks for more warning than a belt has, and fails."""
     rois = "".join(
-        f"      - {{id: {name}, polygon: {polygon}, alarm: {{latch: false}}, proof_test: {{settle_s: 2, retry_s: 3, {more}}}}}\n"
+        f"      - {{id: {name}, polygon: {polygon}, alarm: {{latch: false}}, "
+        f"proof_test: {{settle_s: 2, retry_s: 3, {more}}}}}\n"
         for name, more in (("apron", "every_s: 86400"), ("strict", "least_warning_s: 3600"))
     )
     daemon = Daemon(
