@@ -6,7 +6,7 @@ allows is dropped in silence: to the sender it looks as if nobody were there.
 
 from __future__ import annotations
 
-from service.bus.keys import Kind
+from service.bus.keys import Kind, on_every_site
 from service.config.bus import AccessConfig
 
 COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.VERDICT, Kind.PROOF)
@@ -39,10 +39,9 @@ _ANYTHING = ["**", "**/@alive/**", "**/@adv/**"]
 
 def access_control(access: AccessConfig) -> dict[str, object]:
     """The `access_control` part of a hub's zenoh configuration."""
-    readable = [key for kind in READABLE for key in _keys(kind)]
     rules = [
         {"id": "everything", "flows": ["ingress", "egress"], "messages": _ALL, "key_exprs": _ANYTHING},
-        {"id": "read", "flows": ["ingress"], "messages": _READ, "key_exprs": readable},
+        {"id": "read", "flows": ["ingress"], "messages": _READ, "key_exprs": _of(READABLE)},
         {"id": "receive", "flows": ["egress"], "messages": _SEEN, "key_exprs": _ANYTHING},
         {"id": "command", "flows": ["ingress"], "messages": ["query"], "key_exprs": _of(COMMANDS)},
         {"id": "signal", "flows": ["ingress"], "messages": ["query", "put"], "key_exprs": _of(SIGNALS)},
@@ -70,12 +69,6 @@ def access_control(access: AccessConfig) -> dict[str, object]:
 
 
 def _of(kinds: tuple[Kind, ...]) -> list[str]:
-    return [key for kind in kinds for key in _keys(kind)]
-
-
-def _keys(kind: Kind) -> list[str]:
-    """The keys of a kind on every site, with the caches of their publishers."""
-    if kind is Kind.ALIVE:
-        return [f"lumpwatch/v1/*/{kind}/**"]
-    key = f"lumpwatch/v1/*/**/{kind}"
-    return [key, f"{key}/@adv/**"]
+    """The keys of some kinds on every site, with the caches of their publishers."""
+    caches = [f"{on_every_site(kind)}/@adv/**" for kind in kinds if kind is not Kind.ALIVE]
+    return [*(on_every_site(kind) for kind in kinds), *caches]

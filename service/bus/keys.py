@@ -208,6 +208,11 @@ class Keys:
         return f"{self._root}/{_chunk(camera)}/{_chunk(roi)}/{kind}"
 
 
+def on_every_site(kind: Kind) -> str:
+    """Selector: all keys of a kind, whatever their site, camera and ROI."""
+    return f"{_ROOT}/*/{kind}/**" if kind is Kind.ALIVE else f"{_ROOT}/*/**/{kind}"
+
+
 def parse(key: str) -> Address:
     """Take a key (not a selector) apart; raises ValueError for a key that is not of this contract."""
     prefix = f"{_ROOT}/"

@@ -49,7 +49,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser(command: str | None = None) -> argparse.ArgumentParser:
-    """The command line with all commands, or with one (and those of its module)."""
+    """The command line with all commands, or with one (and those of its module); `--version` needs none."""
     top = _Parser(
         prog="lumpwatch",
         description="Watches the feed of a crusher and says in time that a large lump is coming.",
@@ -65,12 +65,9 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     given = list(sys.argv[1:] if argv is None else argv)
-    if given == ["--version"]:
-        print(f"lumpwatch {version('lumpwatch')}")  # noqa: T201 - the answer
-        return 0
-    known = {name for names in _MODULES.values() for name in names}
+    alone = {"--version", *(name for names in _MODULES.values() for name in names)}
     try:
-        arguments = parser(given[0] if given and given[0] in known else None).parse_args(given)
+        arguments = parser(given[0] if given and given[0] in alone else None).parse_args(given)
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
     try:
