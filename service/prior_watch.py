@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 
 from service.store.prior import Prior
-from service.store.priors import Found, PriorStore, StoreError
+from service.store.priors import Found, PriorStore
+from service.store.versions import StoreError
 from service.telemetry.metrics import MonitorMetrics
 
 log = logging.getLogger(__name__)

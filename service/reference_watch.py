@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 
-from service.store.priors import StoreError
 from service.store.reference import Reference, ReferenceStore
+from service.store.versions import StoreError
 from service.telemetry.picture import PictureMetrics
 
 log = logging.getLogger(__name__)

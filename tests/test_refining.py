@@ -21,7 +21,8 @@ from service.labels import Box, read_labels
 from service.recordings import read_frames
 from service.refining import PAUSE_S, ConfirmedClip, join, recorded_clip, refine, sources
 from service.store.footage import FootageArchive
-from service.store.priors import PriorStore, StoreError
+from service.store.priors import PriorStore
+from service.store.versions import StoreError
 from service.training import train
 from tests.service_helpers import frame, same, site, site_tree
 

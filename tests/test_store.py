@@ -18,7 +18,8 @@ from models.state import Y
 from service.prior_watch import PriorWatch
 from service.store import atomic
 from service.store.prior import PriorError, encode
-from service.store.priors import Found, PriorStore, StoreError, check_owner, read_file
+from service.store.priors import Found, PriorStore, check_owner, read_file
+from service.store.versions import StoreError
 from service.telemetry.metrics import MonitorMetrics
 from tests.service_helpers import learned, prior, same
 

@@ -11,7 +11,8 @@ import pytest
 
 from service.store import atomic
 from service.store.prior import encode
-from service.store.priors import Found, PriorStore, StoreError
+from service.store.priors import Found, PriorStore
+from service.store.versions import StoreError
 from tests.service_helpers import prior
 
 OF = ("cam", "apron")

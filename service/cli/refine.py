@@ -15,7 +15,8 @@ from service.config import RoiConfig, SiteConfig, load
 from service.refining import ConfirmedClip, recorded_clip, refine, sources
 from service.store.footage import FootageArchive
 from service.store.prior import Prior
-from service.store.priors import PriorStore, StoreError
+from service.store.priors import PriorStore
+from service.store.versions import StoreError
 
 _MEGABYTE = 1_000_000
 

@@ -15,7 +15,8 @@ from service.pipeline import RoiResult
 from service.shadow.keeping import StateKeeper, read_state
 from service.shadow.shadows import Shadows
 from service.store.prior import Prior
-from service.store.priors import PriorStore, StoreError
+from service.store.priors import PriorStore
+from service.store.versions import StoreError
 from service.telemetry.shadow import ShadowMetrics
 
 log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.store.priors import StoreError
+from service.store.versions import StoreError
 
 _LABELS = "gt.txt"
 

@@ -14,21 +14,16 @@ is never taken by itself.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from service.errors import LumpwatchError
 from service.store import atomic
 from service.store.prior import MAX_BYTES, Prior, PriorError, decode, encode
+from service.store.versions import StoreError, Versions
 
 _SUFFIX = ".prior"
 _TRIAL = ".trial"
 _REPORT = ".html"
-
-
-class StoreError(LumpwatchError):
-    """The store cannot be read or written; the text names the path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,18 +58,11 @@ class PriorStore:
 
     def versions(self, camera: str, roi: str) -> tuple[int, ...]:
         """All stored versions, oldest first."""
-        folder = self.folder(camera, roi)
-        try:
-            names = [path.stem for path in folder.iterdir() if path.suffix == _SUFFIX]
-        except FileNotFoundError:
-            return ()
-        except OSError as error:
-            raise StoreError(f"{folder}: cannot be read ({error.strerror})") from error
-        return tuple(sorted(int(name) for name in names if name.isascii() and name.isdecimal()))
+        return self._of(camera, roi).all()
 
     def path(self, camera: str, roi: str, version: int) -> Path:
         """File of a version."""
-        return self.folder(camera, roi) / f"{version:06d}{_SUFFIX}"
+        return self._of(camera, roi).path(version)
 
     def report_path(self, camera: str, roi: str, version: int) -> Path:
         """The report of the training that made a version; it goes when the version goes."""
@@ -91,11 +79,11 @@ class PriorStore:
 
         0: the stated defaults.
         """
-        return _number(self.folder(camera, roi) / "current")
+        return self._of(camera, roi).pointer
 
     def shadow_pointer(self, camera: str, roi: str) -> int | None:
         """The version that is to run in shadow; None where none is, or where it is in use already."""
-        wanted = _number(self.folder(camera, roi) / "shadow")
+        wanted = self._of(camera, roi).number("shadow")
         return None if wanted == self.pointer(camera, roi) else wanted
 
     def untried(self, camera: str, roi: str, version: int) -> bool:
@@ -137,15 +125,14 @@ class PriorStore:
         Raises StoreError; what was stored before stays as it was.
         """
         camera, roi = prior.meta.camera, prior.meta.roi
-        folder = self.folder(camera, roi)
         content = encode(prior)
-        with _writing(folder):
-            folder.mkdir(parents=True, exist_ok=True)
+        with self._of(camera, roi).writing():
+            self.folder(camera, roi).mkdir(parents=True, exist_ok=True)
             version = max(self.versions(camera, roi), default=0) + 1
             while not self._write_new(camera, roi, version, content, shadow):
                 version += 1  # another process stored one in the meantime
         if shadow:
-            self._point(camera, roi, "shadow", version)
+            self._of(camera, roi).point("shadow", version)
         else:
             self._take(camera, roi, version)
         self._remove_old(camera, roi)
@@ -159,7 +146,7 @@ class PriorStore:
 
     def use_defaults(self, camera: str, roi: str) -> None:
         """Use no prior but the stated defaults, until one is stored, promoted or gone back to."""
-        with _writing(self.folder(camera, roi)):
+        with self._of(camera, roi).writing():
             self.folder(camera, roi).mkdir(parents=True, exist_ok=True)
         self._take(camera, roi, 0)
 
@@ -168,7 +155,7 @@ class PriorStore:
         prior = self._stored(camera, roi, version)
         if version == self.pointer(camera, roi):
             raise StoreError(f"camera {camera}, roi {roi}: version {version} is in use, not in shadow")
-        self._point(camera, roi, "shadow", version)
+        self._of(camera, roi).point("shadow", version)
         return prior
 
     def promote(self, camera: str, roi: str, version: int | None = None) -> Prior:
@@ -178,9 +165,12 @@ class PriorStore:
     def drop_shadow(self, camera: str, roi: str, version: int | None = None) -> int:
         """Run nothing in shadow any more; the version, which stays in the store. Raises StoreError."""
         dropped = self._in_shadow(camera, roi, version)
-        with _writing(self.folder(camera, roi)):
+        with self._of(camera, roi).writing():
             (self.folder(camera, roi) / "shadow").unlink(missing_ok=True)
         return dropped
+
+    def _of(self, camera: str, roi: str) -> Versions:
+        return Versions(self.folder(camera, roi), _SUFFIX, self.keep)
 
     def _stored(self, camera: str, roi: str, version: int) -> Prior:
         if version not in self.versions(camera, roi):
@@ -212,20 +202,16 @@ class PriorStore:
         before = self.pointer(camera, roi)
         if before is not None:
             self._adopt(camera, roi, before)  # what a process that died may have left undone
-        self._point(camera, roi, "current", version)
+        self._of(camera, roi).use(version)
         self._adopt(camera, roi, version)
 
     def _adopt(self, camera: str, roi: str, version: int) -> None:
         """A version that is in use is neither on trial nor in shadow."""
-        with _writing(self.folder(camera, roi)):
+        versions = self._of(camera, roi)
+        with versions.writing():
             self._mark(camera, roi, version).unlink(missing_ok=True)
-            if _number(self.folder(camera, roi) / "shadow") == version:
+            if versions.number("shadow") == version:
                 (self.folder(camera, roi) / "shadow").unlink(missing_ok=True)
-
-    def _point(self, camera: str, roi: str, name: str, version: int) -> None:
-        folder = self.folder(camera, roi)
-        with _writing(folder):
-            atomic.replace(folder / name, f"{version}\n".encode())
 
     def _mark(self, camera: str, roi: str, version: int) -> Path:
         return self.path(camera, roi, version).with_suffix(_TRIAL)
@@ -241,24 +227,6 @@ class PriorStore:
                 self.path(camera, roi, version).unlink()
                 self._mark(camera, roi, version).unlink(missing_ok=True)
                 self.report_path(camera, roi, version).unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def _writing(folder: Path) -> Iterator[None]:
-    """Raises StoreError naming the folder for what the disk refuses."""
-    try:
-        yield
-    except OSError as error:
-        raise StoreError(f"{folder}: cannot be written ({error.strerror})") from error
-
-
-def _number(path: Path) -> int | None:
-    """The number in a file, None where there is none."""
-    try:
-        text = path.read_text(encoding="ascii", errors="replace")
-    except OSError:
-        return None
-    return int(text) if text.strip().isdigit() else None
 
 
 def check_owner(prior: Prior, camera: str, roi: str, name: str) -> None:

@@ -9,11 +9,16 @@ Every file appears whole or not at all.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from service.errors import LumpwatchError
 from service.store import atomic
-from service.store.priors import StoreError
+
+
+class StoreError(LumpwatchError):
+    """The store cannot be read or written; the text names the path."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +46,12 @@ class Versions:
     @property
     def pointer(self) -> int | None:
         """The version that is set to be used, None where none is set or the pointer is unreadable."""
+        return self.number("current")
+
+    def number(self, name: str) -> int | None:
+        """The version that a pointer of that name holds; None where there is none, or it is unreadable."""
         try:
-            text = (self.folder / "current").read_text(encoding="ascii", errors="replace")
+            text = (self.folder / name).read_text(encoding="ascii", errors="replace")
         except OSError:
             return None
         return int(text) if text.strip().isdigit() else None
@@ -59,13 +68,11 @@ class Versions:
 
         Raises StoreError; what was stored before stays as it was.
         """
-        try:
+        with self.writing():
             self.folder.mkdir(parents=True, exist_ok=True)
             version = max(self.all(), default=0) + 1
             while not atomic.write_new(self.path(version), content):
                 version += 1  # another process stored one in the meantime
-        except OSError as error:
-            raise StoreError(f"{self.folder}: cannot be written ({error.strerror})") from error
         self.use(version)
         for old in self.all()[: -self.keep]:
             with contextlib.suppress(OSError):
@@ -74,7 +81,17 @@ class Versions:
 
     def use(self, version: int) -> None:
         """Set a version to be used. Raises StoreError."""
+        self.point("current", version)
+
+    def point(self, name: str, version: int) -> None:
+        """Let a pointer of that name hold a version. Raises StoreError."""
+        with self.writing():
+            atomic.replace(self.folder / name, f"{version}\n".encode())
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[None]:
+        """Raises StoreError naming the folder for what the disk refuses."""
         try:
-            atomic.replace(self.folder / "current", f"{version}\n".encode())
+            yield
         except OSError as error:
             raise StoreError(f"{self.folder}: cannot be written ({error.strerror})") from error
