@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from zenoh import KeyExpr
 
-from service.bus.keys import Address, Keys, Kind, parse
+from service.bus.keys import KEY_OF, Address, Keys, Kind, on_every_site, parse
 
 names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}", fullmatch=True)
 PARTS = ["s", "c", "r", "frame", "jpeg", "state", "ack", "@alive", "heartbeat", "*", ""]
@@ -41,6 +42,24 @@ def test_selectors_are_those_of_the_contract() -> None:
     assert keys.alarms() == "lumpwatch/v1/s/*/*/alarm"
     assert keys.levels() == "lumpwatch/v1/s/*/*/level"
     assert keys.everyone_alive() == "lumpwatch/v1/s/@alive/**"
+
+
+def test_a_selector_matches_keys_of_its_own_kind_only() -> None:
+    """A subscriber of one kind must never be handed the bytes of another."""
+    keys = Keys("s")
+    selectors = {
+        Kind.FRAME: keys.frames(),
+        Kind.HEARTBEAT: keys.heartbeats(),
+        Kind.STATE: keys.states(),
+        Kind.ALARM: keys.alarms(),
+        Kind.LEVEL: keys.levels(),
+        Kind.TEST: keys.tests(),
+        Kind.EVIDENCE: keys.all_evidence(),
+    }
+    of = {kind: KEY_OF[kind].format(site="s", camera="c", roi="r", role="camera", name="c") for kind in Kind}
+    for kind, selector in (*selectors.items(), *((one, on_every_site(one)) for one in Kind)):
+        matched = {one for one in Kind if KeyExpr(selector).intersects(KeyExpr(of[one]))}
+        assert matched == {kind}, selector
 
 
 @given(names, names, names)

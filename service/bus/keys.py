@@ -15,7 +15,7 @@ class Kind(StrEnum):
 
     FRAME = "frame"
     JPEG = "frame/jpeg"
-    TEST_FRAME = "frame/test"
+    TEST_FRAME = "blended"
     BLEND = "blend"
     HEARTBEAT = "heartbeat"
     STATE = "state"
