@@ -145,6 +145,20 @@ def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnB
     )
 
 
+def side_of(plane: BeltPlane, points: Array, diameter_mm: float) -> Array:
+    """Side (n,) of the square box in which a sphere on the belt is seen with its middle at points (n, 2), px.
+
+    The reverse of `measure`'s equivalent diameter; NaN where no belt is seen or the sphere would not fit
+    under the camera.
+    """
+    direction, cosine = _rays(plane, points, np.zeros(len(points), np.intp))
+    falls, radius = -direction[:, 2], 0.5 * diameter_mm
+    room = plane.cameras.centre[0, 2] - radius
+    sine = radius * falls / room if room > 0 else np.full(len(points), np.nan)
+    sine = np.where(falls > 0, sine, np.nan)
+    return 2.0 * sine * plane.cameras.focal[0] / cosine**1.5
+
+
 def _measured(values: Array) -> Measure:
     return Measure(float(values[0]), float(np.sqrt(np.square(values[1:] - values[0]).sum())))
 

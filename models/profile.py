@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from models.state import VX, VY, H, States, W, Y
 
+ASPECT = 0.2
+"""Standard deviation of the log of width over height around what is usual at the row, where none was learned."""
 SIZE_MEMORY_S = 5.0
 """Time after which an object's size relative to its row is forgotten to 1/e."""
 SIZE_LIMIT = 2.0
@@ -34,6 +36,8 @@ class RowProfile:
     """(rows, 4)"""
     spread: NDArray[np.float64]
     """(rows, 4)"""
+    aspect_spread: float = np.inf
+    """Standard deviation of log(w / h) around what the row expects; infinite: sides do not know each other."""
 
     def at(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
@@ -47,11 +51,13 @@ class RowProfile:
         particle drifts off to a size that no lump has.
         """
         keep = exp(-dt / SIZE_MEMORY_S)
-        _follow(before, after, keep, self.first_row, self.row_step, self.mean, self.spread, rng)
+        most = SIZE_LIMIT * self.aspect_spread
+        _follow(before, after, keep, self.first_row, self.row_step, self.mean, self.spread, most, rng)
 
     def draw(self, rows: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
         """Velocity x, y, width and height (n, 4) of newborn objects at the rows (n,)."""
-        return _draw(rows, self.first_row, self.row_step, self.mean, self.spread, rng)
+        most = SIZE_LIMIT * self.aspect_spread
+        return _draw(rows, self.first_row, self.row_step, self.mean, self.spread, most, rng)
 
     def scaled(self, factor: float) -> RowProfile:
         """The profile for a picture scaled by `factor`."""
@@ -59,7 +65,28 @@ class RowProfile:
         mean[:, :2] *= factor
         spread[:, :2] *= factor
         mean[:, 2:] += np.log(factor)
-        return RowProfile(self.first_row * factor, self.row_step * factor, mean, spread)
+        return RowProfile(self.first_row * factor, self.row_step * factor, mean, spread, self.aspect_spread)
+
+
+SMALLEST, LARGEST = 0.8, 3.0
+"""Range of the lumps that are looked for in units of the limit. Smaller ones are followed too, so that a rock
+near the limit is measured and not taken for the smallest lump."""
+
+
+def around_limit(profile: RowProfile, limit_px: NDArray[np.float64]) -> RowProfile:
+    """The profile with the sizes of what lies around a limit: `limit_px` (h,) is its side by row, px.
+
+    What was learned of the ratio of width to height stays. A handful of labelled lumps shows neither the
+    smallest nor the largest that will come; the limit does.
+    """
+    mean, spread = profile.mean.copy(), profile.spread.copy()
+    rows = profile.first_row + profile.row_step * np.arange(len(mean))
+    limit = np.log(np.interp(rows, np.arange(len(limit_px)) + 0.5, limit_px))
+    middle = limit + 0.5 * (np.log(SMALLEST) + np.log(LARGEST))
+    half_aspect = 0.5 * (mean[:, 2] - mean[:, 3])
+    mean[:, 2], mean[:, 3] = middle + half_aspect, middle - half_aspect
+    spread[:, 2:] = 0.5 * (np.log(LARGEST) - np.log(SMALLEST)) / SIZE_LIMIT
+    return RowProfile(profile.first_row, profile.row_step, mean, spread, min(profile.aspect_spread, ASPECT))
 
 
 def default_profile(height: float, smallest: float, largest: float, speed: float) -> RowProfile:
@@ -120,9 +147,20 @@ def _interpolate(rows, first_row, row_step, mean, spread):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _follow(before, after, keep, first_row, row_step, mean, spread, rng):  # type: ignore[no-untyped-def]
+def _agree(deviations, most):  # type: ignore[no-untyped-def]
+    """Bring the deviations of width and height to within `most` of each other; the area stays."""
+    excess = 0.5 * (abs(deviations[0] - deviations[1]) - most)
+    if excess > 0.0:
+        towards = excess if deviations[0] < deviations[1] else -excess
+        deviations[0] += towards
+        deviations[1] -= towards
+
+
+@njit(cache=True)
+def _follow(before, after, keep, first_row, row_step, mean, spread, most, rng):  # type: ignore[no-untyped-def]
     knots = len(mean)
     noise = np.sqrt(1.0 - keep * keep)
+    deviations, centres = np.empty(2), np.empty(2)
     for i in range(len(before)):
         low, high, part = _knots(before[i, Y], first_row, row_step, knots)
         new_low, new_high, new_part = _knots(after[i, Y], first_row, row_step, knots)
@@ -133,13 +171,18 @@ def _follow(before, after, keep, first_row, row_step, mean, spread, rng):  # typ
             deviation = keep * (np.log(max(before[i, W - 2 + k], 1e-3)) - expected)
             deviation += noise * new_spread * rng.standard_normal()
             limit = SIZE_LIMIT * new_spread
-            after[i, W - 2 + k] = np.exp(new_expected + min(max(deviation, -limit), limit))
+            deviations[k - 2] = min(max(deviation, -limit), limit)
+            centres[k - 2] = new_expected
+        _agree(deviations, most)
+        after[i, W] = np.exp(centres[0] + deviations[0])
+        after[i, H] = np.exp(centres[1] + deviations[1])
 
 
 @njit(cache=True)
-def _draw(rows, first_row, row_step, mean, spread, rng):  # type: ignore[no-untyped-def]
+def _draw(rows, first_row, row_step, mean, spread, most, rng):  # type: ignore[no-untyped-def]
     knots = len(mean)
     values = np.empty((len(rows), 4))
+    deviations = np.empty(2)
     for i in range(len(rows)):
         low, high, part = _knots(rows[i], first_row, row_step, knots)
         for k in range(4):
@@ -147,7 +190,12 @@ def _draw(rows, first_row, row_step, mean, spread, rng):  # type: ignore[no-unty
             if k >= 2:
                 deviation = min(max(deviation, -SIZE_LIMIT), SIZE_LIMIT)
             values[i, k] = mean[low, k] * (1.0 - part) + mean[high, k] * part
-            values[i, k] += deviation * (spread[low, k] * (1.0 - part) + spread[high, k] * part)
+            deviation *= spread[low, k] * (1.0 - part) + spread[high, k] * part
             if k >= 2:
-                values[i, k] = np.exp(values[i, k])
+                deviations[k - 2] = deviation
+            else:
+                values[i, k] += deviation
+        _agree(deviations, most)
+        values[i, 2] = np.exp(values[i, 2] + deviations[0])
+        values[i, 3] = np.exp(values[i, 3] + deviations[1])
     return values

@@ -47,6 +47,8 @@ class Roi:
     """Polygon in the working picture, 1 inside and 0 outside (h, w)."""
     inside: NDArray[np.int32]
     """Integral image of `mask`."""
+    limit_px: NDArray[np.float64] | None = None
+    """Side of the box of an object at the size limit by row of the working picture (h,); None: no limit known."""
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from models.learning import LabelledView
 from models.motion_prior import CellVelocities, flow_vectors, learn_cells
-from models.roi import Image, Roi, make_roi
+from models.roi import Image, Roi
 from models.state import H, W, X, Y, blank
 from service.config.cameras import RoiConfig
 from service.errors import LumpwatchError
 from service.frames import Frame
 from service.labels import Box
 from service.planes import working_colour, working_luma
+from service.regions import make_region
 
 MOST_VIEWS = 900
 """Working pictures that are kept for fitting the likelihood (a 320 x 240 one takes 75 kB)."""
@@ -85,7 +86,7 @@ def read_footage(
         if geometry is None:
             size = (frame.width, frame.height)
             try:
-                geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
+                geometry = make_region(roi, *size)
             except ValueError as error:
                 raise TrainingError(f"roi {roi.id}: {error}") from error
         number = len(times) + 1

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Protocol
 
-from models.roi import make_roi
 from service.alarms import (
     Alarm,
     AlarmClass,
@@ -35,6 +34,7 @@ from service.frames import Frame
 from service.messages import BlindReason, Decision, Trouble
 from service.planes import working_colour, working_luma
 from service.quality import CameraQuality, Quality
+from service.regions import make_region
 from service.sizing import Sizer
 from service.snapshot import Snapshot
 from service.store.prior import Prior
@@ -319,14 +319,14 @@ class CameraPipeline:
         if roi.calibration is None:
             return None
         try:
-            return Sizer(roi.calibration, width, height)
+            return Sizer(roi.calibration, width, height, roi.alarm.oversize_above)
         except LumpwatchError as error:
             raise LumpwatchError(f"camera {self._config.id}, roi {roi.id}: {error}") from error
 
     def _make_detector(self, roi: _Roi, width: int, height: int) -> tuple[Detector, Prior | None]:
         config = roi.config.detector
         try:
-            geometry = make_roi(roi.config.polygon, width, height, config.working_size_px)
+            geometry = make_region(roi.config, width, height)
         except ValueError as error:
             raise LumpwatchError(f"camera {self._config.id}, roi {roi.config.id}: {error}") from error
         if roi.prior is not None:

@@ -44,8 +44,12 @@ class Looks:
 class Sizer:
     """Adds sizes to the objects of one ROI; remembers each object for as long as it is there."""
 
-    def __init__(self, config: CalibrationConfig, width: int, height: int) -> None:
-        """For pictures of that size. Raises ConfigError where the calibration makes no sense."""
+    def __init__(self, config: CalibrationConfig, width: int, height: int, certain: float = 0.5) -> None:
+        """For pictures of that size; a lump counts as oversize from P(size > limit) = `certain` on.
+
+        Raises ConfigError where the calibration makes no sense.
+        """
+        self._certain = certain
         self._limit = config.limit_mm
         self._size = (width, height)
         try:
@@ -58,7 +62,9 @@ class Sizer:
         """The detection with a size for each object, and the probability that one is above the limit."""
         objects = tuple(self._sized(one, time_s) for one in detection.objects)
         self._looks = {i: looks for i, looks in self._looks.items() if time_s - looks.last_s < FORGET_S}
-        return replace(detection, objects=objects, oversize=_oversize(detection.existence, objects))
+        return replace(
+            detection, objects=objects, oversize=_oversize(detection.existence, objects, self._certain)
+        )
 
     def state(self) -> dict[int, Looks]:
         """A copy of what is remembered, by object."""
@@ -131,12 +137,12 @@ def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
     return fit_plane(points, places, config.error_px, (width, height), np.array(config.lip) * size)
 
 
-def _oversize(existence: float, objects: tuple[DetectedObject, ...]) -> float:
-    """P(an object above the limit is there). What has no size yet, or no place, counts as too large."""
+def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: float) -> float:
+    """P(an object is there that counts as too large). What has no size yet, or no place, does."""
     none_known, none_over = 1.0, 1.0
     for one in objects:
-        over = one.size.over_limit if one.size is not None else 1.0
         none_known *= 1.0 - one.existence
-        none_over *= 1.0 - one.existence * over
+        if one.size is None or one.size.over_limit >= certain:
+            none_over *= 1.0 - one.existence
     elsewhere = (1.0 - existence) / none_known if none_known > 1.0 - existence else 1.0
     return 1.0 - elsewhere * none_over

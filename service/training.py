@@ -30,9 +30,10 @@ from models.learning import (
     samples,
 )
 from models.learning.motion import Law, ModelSpec
+from models.learning.sizes import with_sizes
 from models.learning.switches import fit_switching
 from models.motion_prior import CellVelocities
-from models.profile import RowProfile, learn_profile
+from models.profile import RowProfile, around_limit, learn_profile
 from models.roi import Roi
 from service.config.cameras import RoiConfig
 from service.config.jdt import HistogramConfig, JdtConfig
@@ -122,6 +123,8 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
         raise TrainingError(f"{source}: {error} inside roi {roi.id}") from error
     motion = fit_motion(steps, _specs(config, height), LEAST_SPREAD_H_S * height)
     profile = learn_profile(steps.states, height)
+    if not isinstance(config.likelihood, HistogramConfig):
+        profile = with_sizes(profile, steps.states, steps.starts, height)
     fit = _fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
     learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
@@ -174,7 +177,10 @@ def _fit_likelihood(
     config: JdtConfig, footage: Footage, profile: RowProfile, source: str
 ) -> LumpFit | HistogramFit:
     rng = np.random.default_rng(config.seed)
-    births = polygon_births(footage.roi.mask, profile, np.ones(1))
+    limit = footage.roi.limit_px
+    births = polygon_births(
+        footage.roi.mask, profile if limit is None else around_limit(profile, limit), np.ones(1)
+    )
     try:
         if isinstance(config.likelihood, HistogramConfig):
             return fit_histogram(footage.views, births, config.likelihood.channel, rng)

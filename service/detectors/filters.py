@@ -25,7 +25,7 @@ from models.motion import (
     RandomWalk,
 )
 from models.motion_prior import CellVelocities, MotionPrior
-from models.profile import RowProfile, default_profile
+from models.profile import RowProfile, around_limit, default_profile
 from models.roi import Roi
 from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
 from service.config.jdt import JdtConfig, LumpConfig, NetworkConfig
@@ -54,7 +54,7 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
     """The JDT filter in working pixels of the ROI; raises PriorMismatchError."""
     height = float(roi.shape[0])
     models = make_models(config.models, learned, height)
-    profile = make_profile(config.size_h, learned, height)
+    profile = make_profile(config.size_h, learned, roi)
     if learned is None:
         births = np.array([0.0 if model.momentary else 1.0 for model in models])
         births = births / births.sum() if births.any() else np.full(len(models), 1 / len(models))
@@ -74,12 +74,15 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
     )
 
 
-def make_profile(size_h: tuple[float, float], learned: Learned | None, height: float) -> RowProfile:
-    """Sizes and velocities by row, learned or by default, in working pixels of a ROI of that height."""
+def make_profile(size_h: tuple[float, float], learned: Learned | None, roi: Roi) -> RowProfile:
+    """Sizes and velocities by row in working pixels: learned or by default; sizes by the limit where one is known."""
+    height = float(roi.shape[0])
     if learned is not None:
-        return learned.profile.scaled(height)
-    smallest, largest = (size * height for size in size_h)
-    return default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
+        profile = learned.profile.scaled(height)
+    else:
+        smallest, largest = (size * height for size in size_h)
+        profile = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
+    return profile if roi.limit_px is None else around_limit(profile, roi.limit_px)
 
 
 def _births(config: JdtConfig, learned: Learned | None, anywhere: PolygonBirths, height: float) -> Births:

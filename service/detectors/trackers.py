@@ -43,7 +43,7 @@ class TrackerDetector:
         """Take another prior: all tracks start anew, the background stays. Raises PriorMismatchError."""
         height = float(self.roi.shape[0])
         models = make_models(self._config.models, learned, height)
-        profile = make_profile(self._config.size_h, learned, height)
+        profile = make_profile(self._config.size_h, learned, self.roi)
         self._parts = models, profile
         self._start()
 

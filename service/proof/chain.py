@@ -12,7 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from models.roi import make_roi
+import numpy as np
+
+from models.plane import side_of
 from service.alarms import AlarmClass, Change
 from service.bus.bus import Bus
 from service.bus.keys import Keys
@@ -23,8 +25,9 @@ from service.frames import Frame
 from service.messages import Decision, utc
 from service.pipeline import CameraPipeline, RoiResult
 from service.proof.messages import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
-from service.proof.path import Way, greys_of, make_way, reached_lip, width_of
+from service.proof.path import Way, greys_of, make_way, reached_lip
 from service.proof.place import at
+from service.regions import make_region
 from service.report import Clocks, alarm_event
 from service.sizing import make_plane
 from service.sources.timing import StreamClock
@@ -155,16 +158,19 @@ class ProofTest:
             raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND if blind else ProofReason.DISTURBED)
 
     def _way(self, roi: RoiConfig, prior: Prior | None, size: tuple[int, int]) -> Way:
-        geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
+        geometry = make_region(roi, *size)
         learned = prior.learned if prior else None
-        profile = make_profile(roi.detector.size_h, learned, float(geometry.shape[0]))
+        profile = make_profile(roi.detector.size_h, learned, geometry)
         settle_s = roi.proof_test.settle_s
         if roi.calibration is None:
             return make_way(geometry, profile, size, settle_s)
         plane, limit_mm = make_plane(roi.calibration, *size), roi.calibration.limit_mm
 
         def width(x: float, y: float) -> float | None:
-            return None if limit_mm is None else width_of(plane, _OVERSIZE * limit_mm, x, y, float(size[0]))
+            if limit_mm is None:
+                return None
+            side = float(side_of(plane, np.array([[x, y]]), _OVERSIZE * limit_mm)[0])
+            return side if np.isfinite(side) else None
 
         return make_way(geometry, profile, size, settle_s, width, lambda box: reached_lip(plane, box))
 

@@ -68,18 +68,6 @@ def make_way(
     return Way(tuple(path), t if arrives_s is None else arrives_s)
 
 
-def width_of(plane: BeltPlane, diameter_mm: float, x: float, y: float, widest_px: float) -> float | None:
-    """Width of a sphere of that diameter whose middle is seen at (x, y), px; None where there is no belt."""
-    low, high = 1.0, widest_px
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        found = measure(plane, np.array([x, y, middle, middle]), np.zeros(2), np.ones(6))
-        if found is None:
-            return None
-        low, high = (middle, high) if found.equivalent_mm.value < diameter_mm else (low, middle)
-    return 0.5 * (low + high)
-
-
 def reached_lip(plane: BeltPlane, box: Array) -> bool:
     """Whether a box (x, y, w, h by its centre, px) has reached the lip."""
     found = measure(plane, box, np.zeros(2), np.ones(6))

@@ -13,7 +13,7 @@ from datetime import datetime
 from math import isfinite
 from typing import Protocol
 
-from models.roi import Roi, make_roi
+from models.roi import Roi
 from service.alarms import Alarm, step
 from service.config.cameras import CameraConfig, RoiConfig
 from service.config.detector import DetectorConfig
@@ -24,6 +24,7 @@ from service.errors import LumpwatchError
 from service.frames import Frame
 from service.pipeline import RoiResult
 from service.planes import working_colour, working_luma
+from service.regions import make_region
 from service.shadow.budget import Budget
 from service.shadow.differences import Counts, Differences, Found
 from service.shadow.record import ShadowState
@@ -94,10 +95,11 @@ class _Shadow:
         if size == self.size:
             return
         self.prior.check_fits(self.config, *size)
-        roi = make_roi(self.config.polygon, *size, self.config.detector.working_size_px)
+        roi = make_region(self.config, *size)
         self.detector = make(self.config.detector, roi, self.prior)
         calibration = self.config.calibration
-        self.sizer = None if calibration is None else Sizer(calibration, *size)
+        certain = self.config.alarm.oversize_above
+        self.sizer = None if calibration is None else Sizer(calibration, *size, certain)
         self.size = size
 
     def look(self, frame: Frame, offset_px: tuple[int, int] = (0, 0)) -> None:

@@ -108,6 +108,8 @@ def encode(prior: Prior) -> bytes:
         "profile_mean": learned.profile.mean,
         "profile_spread": learned.profile.spread,
     }
+    if np.isfinite(learned.profile.aspect_spread):
+        arrays["profile_aspect"] = np.array([learned.profile.aspect_spread])
     if isinstance(fit, LumpFit):
         arrays |= {
             "fit_mean": fit.mean,
@@ -168,6 +170,15 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
     return CellVelocities(float(cell), float(fastest), counts)
 
 
+def _aspect(arrays: dict[str, NDArray[Any]]) -> float:
+    if "profile_aspect" not in arrays:
+        return np.inf
+    (aspect,) = arrays["profile_aspect"]
+    if not aspect > 0:
+        raise ValueError("the aspect has no spread")
+    return float(aspect)
+
+
 def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
     """Arrays back to their places; raises ValueError where a shape or number cannot be right."""
     m = len(meta["models"])
@@ -219,7 +230,9 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         interval_s=float(meta["interval_s"]),
         density=density,
         births=arrays["births"],
-        profile=RowProfile(float(first), float(step), arrays["profile_mean"], arrays["profile_spread"]),
+        profile=RowProfile(
+            float(first), float(step), arrays["profile_mean"], arrays["profile_spread"], _aspect(arrays)
+        ),
         likelihood=fit,
         birth_places=_places(arrays),
         cells=_cells(arrays),

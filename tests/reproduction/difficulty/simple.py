@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from models.evaluation import overlaps
 from models.foreground import cleaned, regions
 from models.profile import SIZE_LIMIT, RowProfile
-from models.roi import Roi, make_roi
+from models.roi import Roi
 from models.state import H, States, W, X, Y, blank
 from service.config.cameras import RoiConfig
 from service.config.jdt import JdtConfig
 from service.detectors.filters import make_likelihood, make_profile
 from service.frames import Frame
 from service.planes import working_luma
+from service.regions import make_region
 from service.store.prior import Prior
 
 Boxes = NDArray[np.float64]
@@ -49,8 +50,7 @@ class _OnRoi:
 
     def _picture(self, frame: Frame) -> tuple[Roi, NDArray[np.uint8]]:
         if self._roi is None:
-            size = self._detector.working_size_px
-            self._roi = make_roi(self._config.polygon, frame.width, frame.height, size)
+            self._roi = make_region(self._config, frame.width, frame.height)
             self._begin(self._roi)
         return self._roi, working_luma(frame, self._roi)
 
@@ -58,7 +58,7 @@ class _OnRoi:
         """Prepare for pictures of this ROI."""
 
     def _profile(self, roi: Roi) -> RowProfile:
-        return make_profile(self._detector.size_h, self._prior.learned, float(roi.shape[0]))
+        return make_profile(self._detector.size_h, self._prior.learned, roi)
 
 
 class MapWatcher(_OnRoi):

@@ -1,0 +1,39 @@
+"""From the configuration of a region to its geometry in pictures of one size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.plane import BeltPlane, side_of
+from models.roi import Roi, make_roi
+from service.config.cameras import RoiConfig
+from service.sizing import SHAPE_FACTOR, make_plane
+
+
+def make_region(config: RoiConfig, width: int, height: int) -> Roi:
+    """The region in pictures of that size, with the limit's size by row where the belt is calibrated.
+
+    Raises ValueError for a polygon or a calibration that makes no sense there.
+    """
+    roi = make_roi(config.polygon, width, height, config.detector.working_size_px)
+    calibration = config.calibration
+    if calibration is None or calibration.limit_mm is None:
+        return roi
+    limit = _limit_px(roi, make_plane(calibration, width, height), calibration.limit_mm)
+    return replace(roi, limit_px=limit)
+
+
+def _limit_px(roi: Roi, plane: BeltPlane, limit_mm: float) -> NDArray[np.float64]:
+    """Side of a lump at the limit in the middle of each row, working px (h,); rows without any get the nearest's."""
+    rows = np.arange(roi.shape[0])
+    known = np.flatnonzero(roi.mask.any(axis=1))
+    middles = np.array([np.flatnonzero(roi.mask[row]).mean() + 0.5 for row in known])
+    points = np.column_stack([roi.x + middles / roi.scale, roi.y + (known + 0.5) / roi.scale])
+    sides = roi.scale * side_of(plane, points, limit_mm / SHAPE_FACTOR)
+    seen = np.isfinite(sides)
+    if not seen.any():
+        raise ValueError("calibration: the region shows nothing of the belt")
+    return np.interp(rows, known[seen], sides[seen])
