@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry
 from pydantic import ValidationError
 
-from models.plane import fit_plane, measure
+from models.plane import fit_plane, side_of
 from models.profile import default_profile
 from models.roi import make_roi
 from service.config.proof import ProofTestConfig
@@ -24,7 +24,7 @@ from service.proof.blender import Blender, BlendRequestError
 from service.proof.chain import _Ended, _Passage, overlaps
 from service.proof.keeper import ProofError, ProofKeeper
 from service.proof.messages import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
-from service.proof.path import greys_of, make_way, reached_lip, width_of
+from service.proof.path import greys_of, make_way, reached_lip
 from service.proof.place import at
 from service.proof.render import Sprite, blend, grain
 from service.proof.schedule import is_due, is_overdue
@@ -107,11 +107,7 @@ def test_a_calibrated_lump_has_its_size_and_stops_the_clock_at_the_lip() -> None
     points = np.array([[220.0, 100.0], [420.0, 100.0], [560.0, 440.0], [80.0, 440.0]])
     belt = np.array([[0.0, 0.0], [2000.0, 0.0], [2000.0, 5000.0], [0.0, 5000.0]])
     plane = fit_plane(points, belt, 1.0, SIZE, np.array([[80.0, 440.0], [560.0, 440.0]]))
-    width = width_of(plane, 900.0, 320.0, 250.0, 640.0)
-    assert width is not None
-    found = measure(plane, np.array([320.0, 250.0, width, width]), np.zeros(2), np.ones(6))
-    assert found is not None
-    assert found.equivalent_mm.value == pytest.approx(900.0, rel=1e-3)
+    width = side_of(plane, np.array([[320.0, 250.0]]), 900.0)[0]
     assert not reached_lip(plane, np.array([320.0, 250.0, width, width]))
     assert reached_lip(plane, np.array([320.0, 470.0, width, width]))
 

@@ -119,8 +119,20 @@ def test_without_a_limit_every_lump_alarms() -> None:
 def test_two_lumps_add_their_chances() -> None:
     sizer = Sizer(calibration(), WIDTH, HEIGHT)
     found = sizer.measure(Detection(0.99, (seen(2000, 1000, 1, 0.9), seen(4500, 1000, 2, 0.9))), 0.0)
-    over = [one.size.over_limit for one in found.objects if one.size]
-    assert found.oversize == pytest.approx(1 - (1 - 0.9 * over[0]) * (1 - 0.9 * over[1]))
+    assert found.oversize == pytest.approx(1 - 0.1 * 0.1)
+
+
+def test_a_lump_counts_from_the_configured_certainty_on() -> None:
+    """Of two, one is rather above the limit and one rather below; sure of its size is neither."""
+    above, below = (limit * 600.0 / SHAPE_FACTOR for limit in (1.06, 0.94))
+    both = Detection(0.99, (seen(2000, above, 1, 0.9), seen(4500, below, 2, 0.8)))
+    for certain, expected in ((0.05, 0.98), (0.5, 0.9), (0.95, 0.0)):
+        found = Sizer(calibration(), WIDTH, HEIGHT, certain).measure(both, 0.0)
+        over = [one.size.over_limit for one in found.objects if one.size]
+        assert 0.5 < over[0] < 0.95
+        assert 0.05 < over[1] < 0.5
+        # Something that has no box yet (existence is a little more than that of both) has no size either.
+        assert found.oversize == pytest.approx(1 - (1 - expected) * (0.01 / 0.02))
 
 
 def test_an_object_is_forgotten_after_a_while() -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.plane import BeltPlane, fit_plane, measure
+from models.plane import BeltPlane, fit_plane, measure, side_of
 from service.feed.geometry import Geometry
 from service.feed.spec import FeedSpec
 
@@ -64,6 +64,18 @@ def test_a_sphere_on_the_belt_is_measured(x: float, y: float, diameter: float, s
     assert found.distance_m.value == pytest.approx(left / 1000, abs=0.03)
     if found.lip_s is not None:
         assert found.lip_s.value == pytest.approx(left / speed, rel=0.03, abs=0.05)
+
+
+@given(st.floats(-800, 800), st.floats(900, 5200), st.floats(150, 1100))
+def test_a_sphere_covers_a_box_of_that_side(x: float, y: float, diameter: float) -> None:
+    box = silhouette(x, y, diameter)
+    assert side_of(plane(), box[None, :2], diameter)[0] == pytest.approx(np.sqrt(box[2] * box[3]), rel=0.01)
+
+
+def test_no_side_where_there_is_no_belt_or_no_room_under_the_camera() -> None:
+    points = np.array([[320.0, 240.0], [320.0, -1e5]])
+    assert np.isfinite(side_of(plane(), points, 500.0)).tolist() == [True, False]
+    assert np.isnan(side_of(plane(), points[:1], 1e6)).all()
 
 
 def test_errors_of_points_and_boxes_are_carried_through() -> None:

@@ -8,7 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.profile import SIZE_LIMIT, SIZE_MEMORY_S, RowProfile, default_profile, learn_profile
+from models.profile import (
+    ASPECT,
+    LARGEST,
+    SIZE_LIMIT,
+    SIZE_MEMORY_S,
+    SMALLEST,
+    RowProfile,
+    around_limit,
+    default_profile,
+    learn_profile,
+)
 from models.state import VX, VY, H, States, W, Y
 from tests.models.helpers import boxes
 
@@ -43,6 +53,19 @@ def test_profile_of_one_row_is_constant() -> None:
     mean, spread = one.at(np.array([-3.0, 5.0, 99.0]))
     assert np.array_equal(mean, np.repeat(SLOPING.mean[:1], 3, axis=0))
     assert np.array_equal(spread, np.repeat(SLOPING.spread[:1], 3, axis=0))
+
+
+def test_sizes_around_a_limit_reach_from_the_smallest_to_the_largest_of_interest() -> None:
+    """A limit of 20 px at the top and 60 px at the bottom; the usual ratio of the sides stays as it was."""
+    profile = around_limit(SLOPING, np.linspace(20.0, 60.0, 121))
+    mean, spread = profile.at(np.array([20.0, 120.0]))
+    limit = np.interp([20.0, 120.0], np.arange(121) + 0.5, np.linspace(20.0, 60.0, 121))
+    side = 0.5 * (mean[:, 2] + mean[:, 3])
+    assert np.exp(side - SIZE_LIMIT * spread[:, 2]) == pytest.approx(SMALLEST * limit)
+    assert np.exp(side + SIZE_LIMIT * spread[:, 3]) == pytest.approx(LARGEST * limit)
+    assert np.exp(mean[:, 2] - mean[:, 3]) == pytest.approx([1.0, 4.0])
+    assert np.array_equal(mean[:, :2], SLOPING.mean[:, :2])
+    assert profile.aspect_spread == ASPECT
 
 
 def sizes_after(profile: RowProfile, before: States, row: float, dt: float, seed: int = 0) -> States:
