@@ -68,7 +68,7 @@ class RowProfile:
         return RowProfile(self.first_row * factor, self.row_step * factor, mean, spread, self.aspect_spread)
 
 
-SMALLEST, LARGEST = 0.8, 3.0
+SMALLEST, LARGEST = 0.8, 2.4
 """Range of the lumps that are looked for in units of the limit. Smaller ones are followed too, so that a rock
 near the limit is measured and not taken for the smallest lump."""
 

@@ -14,6 +14,7 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models import density
 from models.births import polygon_births
@@ -32,6 +33,8 @@ from models.learning import (
 from models.learning.motion import Law, ModelSpec
 from models.learning.sizes import with_sizes
 from models.learning.switches import fit_switching
+from models.learning.tempering import looks_per_second
+from models.likelihood import LumpLikelihood
 from models.motion_prior import CellVelocities
 from models.profile import RowProfile, around_limit, learn_profile
 from models.roi import Roi
@@ -184,9 +187,25 @@ def _fit_likelihood(
     try:
         if isinstance(config.likelihood, HistogramConfig):
             return fit_histogram(footage.views, births, config.likelihood.channel, rng)
-        return fit_lump(footage.views, births, rng)
+        fit = fit_lump(footage.views, births, rng)
     except ValueError as error:
         raise TrainingError(f"{source}: {error}") from error
+    return replace(fit, looks_per_s=looks_per_second(_along_tracks(footage, fit)))
+
+
+def _along_tracks(footage: Footage, fit: LumpFit) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Times and log ratios of each labelled object, where its box lies in the region."""
+    likelihood = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
+    tracks: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    for item, moment in zip(footage.views, footage.moments, strict=True):
+        if not moment.tracks:
+            continue
+        for track, ratio in zip(
+            moment.tracks, likelihood.observe(item.view).score(item.objects), strict=True
+        ):
+            if np.isfinite(ratio):
+                tracks.setdefault((moment.clip, track), []).append((moment.time_s, float(ratio)))
+    return [(rows[:, 0], rows[:, 1]) for rows in map(np.array, tracks.values())]
 
 
 def _learned(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.density import GridDensity
+from models.learning.tempering import DEFAULT
 from models.likelihood.histogram import Channel
 from models.motion_prior import CellVelocities
 from models.profile import RowProfile
@@ -24,6 +25,8 @@ class LumpFit:
     scale: NDArray[np.float64]
     weights: NDArray[np.float64]
     offset: float
+    looks_per_s: float = DEFAULT
+    """Independent looks in a second of frames."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -25,8 +26,8 @@ class Observation(Protocol):
 class Likelihood(Protocol):
     """Turns a picture into an observation."""
 
-    def observe(self, view: View) -> Observation:
-        """Look at the picture once. The observation holds until the next call."""
+    def observe(self, view: View, dt: float = inf) -> Observation:
+        """Look at the picture once, `dt` seconds after the last. The observation holds until the next call."""
 
 
 def bounded(log_ratio: NDArray[np.float64], evidence: float, bound: float) -> NDArray[np.float64]:

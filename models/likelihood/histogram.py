@@ -15,6 +15,7 @@ exact for boxes of up to 65,535 pixels; larger boxes are cut into strips.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 from typing import Literal
 
 import cv2
@@ -67,7 +68,7 @@ class HistogramLikelihood:
     channel: Channel = "luma"
     _scratch: NDArray[np.uint64] | None = field(default=None, repr=False)
 
-    def observe(self, view: View) -> HistogramObservation:
+    def observe(self, view: View, dt: float = inf) -> HistogramObservation:
         """Build the integral histogram of the picture."""
         bins = bin_image(view, self.channel)
         shape = (bins.shape[0] + 1, bins.shape[1] + 1, _WORDS)

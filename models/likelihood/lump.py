@@ -13,6 +13,7 @@ the upper one, but all of it cancels in the difference of a box's corners.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 from numba import njit
@@ -52,16 +53,20 @@ class LumpLikelihood:
     """Weights of the standardised features and of their squares (16,)."""
     offset: float
     evidence: float
+    """Share of a frame's log ratio that counts, where `looks_per_s` is not given."""
     bound: float
+    looks_per_s: float | None = None
+    """Independent looks in a second of frames, see `models.learning.tempering`."""
     _sums: NDArray[np.uint64] | None = field(default=None, repr=False)
 
-    def observe(self, view: View) -> LumpObservation:
+    def observe(self, view: View, dt: float = inf) -> LumpObservation:
         """Compute the integral images of the picture."""
         height, width = view.gray.shape
         if self._sums is None or self._sums.shape[:2] != (height + 1, width + 1):
             self._sums = np.zeros((height + 1, width + 1, 2), np.uint64)
         _integrate(view.gray, self._sums)
-        return LumpObservation(self, self._sums, view.inside)
+        share = self.evidence if self.looks_per_s is None else min(1.0, self.looks_per_s * dt)
+        return LumpObservation(self, self._sums, view.inside, share)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +77,8 @@ class LumpObservation:
     sums: NDArray[np.uint64]
     """Integral images side by side (h + 1, w + 1, 2): brightness (upper half) with gradient, and squares."""
     inside: NDArray[np.int32]
+    share: float
+    """Share of the log ratio that counts: what is new since the last picture."""
 
     def features(self, states: States) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Features (n, 8) of the states' boxes, and whether each box lies in the polygon (n,)."""
@@ -86,7 +93,7 @@ class LumpObservation:
 
     def log_ratio(self, states: States) -> NDArray[np.float64]:
         """See `Observation`."""
-        return bounded(self.score(states), self.likelihood.evidence, self.likelihood.bound)
+        return bounded(self.score(states), self.share, self.likelihood.bound)
 
 
 def expand(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import cv2
@@ -91,7 +92,7 @@ class NetworkLikelihood:
     evidence: float
     bound: float
 
-    def observe(self, view: View) -> NetworkObservation:
+    def observe(self, view: View, dt: float = inf) -> NetworkObservation:
         """Run the network on the picture. Raises NetworkError."""
         height, width = view.gray.shape
         logits = np.asarray(self.net(view.gray), dtype=np.float32)

@@ -21,8 +21,9 @@ class LumpConfig(Strict):
 
     kind: Literal["lump"] = "lump"
     """A logistic score on a few image features; `train` fits it."""
-    evidence: Positive = 0.25
-    """Share of a frame's log likelihood ratio that counts: neighbouring frames repeat each other."""
+    evidence: Positive | None = None
+    """Share of a frame's log likelihood ratio that counts: neighbouring frames repeat each other. Left out: what
+    `train` learned of that, or its default."""
     bound: Positive = 3.0
     """Largest log likelihood ratio of one frame, so that a single frame never decides."""
 

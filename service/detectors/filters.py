@@ -106,7 +106,10 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
             raise PriorMismatchError(
                 "the prior holds a histogram, the configuration asks for likelihood kind lump"
             )
-        return LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, wanted.evidence, wanted.bound)
+        looks = fit.looks_per_s if wanted.evidence is None else None
+        return LumpLikelihood(
+            fit.mean, fit.scale, fit.weights, fit.offset, wanted.evidence or 1.0, wanted.bound, looks
+        )
     if not isinstance(fit, HistogramFit):
         raise PriorMismatchError("likelihood kind histogram needs a trained prior: run lumpwatch train")
     if fit.channel != wanted.channel:

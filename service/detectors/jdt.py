@@ -189,7 +189,7 @@ class JdtDetector:
             self._engine.search_anew(dt)
             dt = DEFAULT_INTERVAL_S
         view = self.roi.view(gray, colour)
-        observation = self._likelihood.observe(view)
+        observation = self._likelihood.observe(view, dt)
         found, told = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
         objects = tuple(self._describe(one) for one in found if one.existence > SHOWN_ABOVE)
         return Detection(self._engine.existence, objects, told.effective_particles, told.fell_back_share)

@@ -21,6 +21,7 @@ from pydantic import BaseModel, ConfigDict
 
 from models.density import COMPONENTS, GridDensity
 from models.learning.learned import HistogramFit, Learned, LumpFit
+from models.learning.tempering import DEFAULT, LEAST, MOST
 from models.likelihood.histogram import BINS
 from models.likelihood.lump import FEATURES
 from models.motion_prior import VELOCITY_BINS, CellVelocities
@@ -112,6 +113,7 @@ def encode(prior: Prior) -> bytes:
         arrays["profile_aspect"] = np.array([learned.profile.aspect_spread])
     if isinstance(fit, LumpFit):
         arrays |= {
+            "fit_looks": np.array([fit.looks_per_s]),
             "fit_mean": fit.mean,
             "fit_scale": fit.scale,
             "fit_weights": fit.weights,
@@ -170,6 +172,15 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
     return CellVelocities(float(cell), float(fastest), counts)
 
 
+def _looks(arrays: dict[str, NDArray[Any]]) -> float:
+    if "fit_looks" not in arrays:
+        return DEFAULT
+    (looks,) = arrays["fit_looks"]
+    if not LEAST <= looks <= MOST:
+        raise ValueError(f"{looks} looks a second")
+    return float(looks)
+
+
 def _aspect(arrays: dict[str, NDArray[Any]]) -> float:
     if "profile_aspect" not in arrays:
         return np.inf
@@ -192,7 +203,9 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
     line = arrays["fit_line"]
     fit: LumpFit | HistogramFit
     if meta["likelihood"] == "lump":
-        fit = LumpFit(arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"], float(line[0]))
+        fit = LumpFit(
+            arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"], float(line[0]), _looks(arrays)
+        )
     else:
         fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
     knots, axes = len(arrays["profile_mean"]), len(density.components)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -173,6 +175,15 @@ def test_box_that_leaves_the_polygon_is_penalised() -> None:
     states = np.concatenate([box(-4, 20, 16, 40), box(-6, 20, 14, 40), box(200, 20, 220, 40)])
     assert np.array_equal(seen.score(states), [1.5, -np.inf, -np.inf])
     assert np.array_equal(seen.log_ratio(states), [1.5, -3.0, -3.0])
+
+
+def test_a_frame_counts_by_the_time_since_the_last() -> None:
+    """Two looks a second: a fifth of the ratio after 0.1 s, all of it after half a second and more."""
+    view = whole_picture(rubble_with_lump()).view(rubble_with_lump())
+    states = box(20, 20, 60, 60)
+    model = replace(likelihood(offset=1.5, bound=9.0), looks_per_s=2.0)
+    for dt, share in ((0.1, 0.2), (0.5, 1.0), (30.0, 1.0)):
+        assert model.observe(view, dt).log_ratio(states) == pytest.approx([1.5 * share])
 
 
 @pytest.mark.parametrize(("w", "h"), [(2.9, 20.0), (20.0, 2.9)])
