@@ -14,10 +14,8 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models import density
-from models.births import polygon_births
 from models.learning import (
     HistogramFit,
     Learned,
@@ -25,25 +23,23 @@ from models.learning import (
     MotionFit,
     Samples,
     Track,
-    fit_histogram,
-    fit_lump,
     fit_motion,
     samples,
 )
 from models.learning.motion import Law, ModelSpec
 from models.learning.sizes import with_sizes
 from models.learning.switches import fit_switching
-from models.learning.tempering import looks_per_second
-from models.likelihood import LumpLikelihood
 from models.motion_prior import CellVelocities
-from models.profile import RowProfile, around_limit, learn_profile
+from models.profile import RowProfile, learn_profile
 from models.roi import Roi
 from service.config.cameras import RoiConfig
 from service.config.jdt import HistogramConfig, JdtConfig
+from service.fitting import fit_likelihood
 from service.footage import Footage, TrainingError, read_footage
 from service.frames import Frame
 from service.labels import Box, LabelError, check_frames
 from service.store.prior import Prior, PriorMeta
+from service.tempering import temper
 
 SMOOTHING_S = 0.14
 """Half length of the window over which positions are smoothed, for laws without a bounce."""
@@ -110,7 +106,8 @@ def train(
     config = roi.detector.learning
     footage = read_footage(roi, frames, boxes, advance)
     check_frames(boxes, footage.count, labels_path, video)
-    return learn(roi, footage, labelled_tracks(config, footage.roi, boxes, labels_path), str(labels_path))
+    tracks = labelled_tracks(config, footage.roi, boxes, labels_path)
+    return tempered(roi, footage, learn(roi, footage, tracks, str(labels_path)))
 
 
 def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) -> Trained:
@@ -128,7 +125,7 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
     profile = learn_profile(steps.states, height)
     if not isinstance(config.likelihood, HistogramConfig):
         profile = with_sizes(profile, steps.states, steps.starts, height)
-    fit = _fit_likelihood(config, footage, profile, source)
+    fit = fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
     learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
     first = max(1, round(BIRTH_S / interval))
@@ -143,6 +140,13 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
         footage.count,
         _warnings(config, motion, len(tracks)),
     )
+
+
+def tempered(
+    roi: RoiConfig, footage: Footage, trained: Trained, advance: Callable[[int], None] = lambda _: None
+) -> Trained:
+    """The training with its evidence tempered; `advance` is told how many candidates were judged, of `GRID`."""
+    return replace(trained, learned=temper(roi.detector, footage, trained.learned, advance))
 
 
 def labelled_tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:
@@ -174,38 +178,6 @@ def _specs(config: JdtConfig, height: float) -> list[ModelSpec]:
         scaled = None if rate is None else (rate[0] * height, rate[1] * height)
         specs.append(ModelSpec(_LAWS.get(model.kind, "given"), scaled))
     return specs
-
-
-def _fit_likelihood(
-    config: JdtConfig, footage: Footage, profile: RowProfile, source: str
-) -> LumpFit | HistogramFit:
-    rng = np.random.default_rng(config.seed)
-    limit = footage.roi.limit_px
-    births = polygon_births(
-        footage.roi.mask, profile if limit is None else around_limit(profile, limit), np.ones(1)
-    )
-    try:
-        if isinstance(config.likelihood, HistogramConfig):
-            return fit_histogram(footage.views, births, config.likelihood.channel, rng)
-        fit = fit_lump(footage.views, births, rng)
-    except ValueError as error:
-        raise TrainingError(f"{source}: {error}") from error
-    return replace(fit, looks_per_s=looks_per_second(_along_tracks(footage, fit)))
-
-
-def _along_tracks(footage: Footage, fit: LumpFit) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Times and log ratios of each labelled object, where its box lies in the region."""
-    likelihood = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
-    tracks: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    for item, moment in zip(footage.views, footage.moments, strict=True):
-        if not moment.tracks:
-            continue
-        for track, ratio in zip(
-            moment.tracks, likelihood.observe(item.view).score(item.objects), strict=True
-        ):
-            if np.isfinite(ratio):
-                tracks.setdefault((moment.clip, track), []).append((moment.time_s, float(ratio)))
-    return [(rows[:, 0], rows[:, 1]) for rows in map(np.array, tracks.values())]
 
 
 def _learned(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from models.births import polygon_births
 from models.evaluation import overlaps
 from models.learning import LabelledView
-from models.learning.learned import Learned
+from models.learning.learned import DEFAULT_LOOKS_PER_S, Learned
 from models.learning.validation import BOUND, Bin, Verdict, folds, judge, reliability
 from models.state import H, W, X, Y
 from service.clips import Lump, Material
@@ -23,6 +23,7 @@ from service.config import HistogramConfig, JdtConfig, LumpConfig, NetworkConfig
 from service.detectors.filters import make_likelihood
 from service.detectors.jdt import JdtDetector
 from service.footage import Moment, TrainingError
+from service.tempering import with_looks
 from service.training import learn
 
 FOLD_VIEWS = 250
@@ -123,9 +124,15 @@ class Validation:
 
 
 def cross_validate(
-    roi: RoiConfig, material: Material, wanted: int, advance: Callable[[int], None] = lambda _: None
+    roi: RoiConfig,
+    material: Material,
+    wanted: int,
+    advance: Callable[[int], None] = lambda _: None,
+    looks_per_s: float = DEFAULT_LOOKS_PER_S,
 ) -> Validation | None:
-    """Judge every lump, in at most `wanted` folds; `advance` is told how many are done.
+    """Judge every lump, in at most `wanted` folds, with the evidence tempered to so many looks a second.
+
+    `advance` is told how many folds are done.
 
     None where there is nothing to compare: fewer than two lumps or folds, or a detector other than jdt.
     """
@@ -143,7 +150,7 @@ def cross_validate(
         rest = material.without(lumps, FOLD_VIEWS)
         names = ", ".join(_name(material, lump) for lump in lumps)
         try:
-            learned = learn(roi, rest.footage, rest.tracks, rest.source).learned
+            learned = with_looks(learn(roi, rest.footage, rest.tracks, rest.source).learned, looks_per_s)
         except TrainingError as error:
             failures.append(f"nothing can be learned without {names} ({error})")
         else:

@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.density import GridDensity
-from models.learning.tempering import DEFAULT
 from models.likelihood.histogram import Channel
 from models.motion_prior import CellVelocities
 from models.profile import RowProfile
+
+DEFAULT_LOOKS_PER_S = 3.75
+"""Where nothing was learned: a quarter of each frame counts at 15 frames a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +27,8 @@ class LumpFit:
     scale: NDArray[np.float64]
     weights: NDArray[np.float64]
     offset: float
-    looks_per_s: float = DEFAULT
-    """Independent looks in a second of frames."""
+    looks_per_s: float = DEFAULT_LOOKS_PER_S
+    """How many independent looks a second of frames is worth: neighbouring frames repeat each other."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,7 +56,7 @@ class LumpLikelihood:
     """Share of a frame's log ratio that counts, where `looks_per_s` is not given."""
     bound: float
     looks_per_s: float | None = None
-    """Independent looks in a second of frames, see `models.learning.tempering`."""
+    """How many independent looks a second of frames is worth."""
     _sums: NDArray[np.uint64] | None = field(default=None, repr=False)
 
     def observe(self, view: View, dt: float = inf) -> LumpObservation:

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
 from service.cli.common import Commands, add_command, camera_of, progress, roi_of
 from service.cli.refine import archive_of, keep_footage
 from service.clips import Material, clips_of, gather
@@ -22,7 +23,8 @@ from service.readiness import check_priors
 from service.recordings import read_frames
 from service.store.prior import Prior
 from service.store.priors import PriorStore
-from service.training import Trained, learn
+from service.tempering import GRID
+from service.training import Trained, learn, tempered
 from service.training_checks import coverage_warnings, validation_warnings
 from service.training_report import training_report
 from service.validation import Validation, cross_validate
@@ -163,6 +165,8 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     clips = clips_of(pairs, arguments.without_lumps)
     material = gather(camera, roi, clips, lambda name, length: progress(f"reading {name}", length))
     trained = learn(roi, material.footage, material.tracks, ", ".join(str(labels) for _, labels in pairs))
+    with progress("tempering", len(GRID)) as advance:
+        trained = tempered(roi, material.footage, trained, advance)
     store = PriorStore(config.store.path, config.store.keep_priors)
     stored = store.save(
         trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)), shadow=arguments.shadow
@@ -173,7 +177,9 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     if arguments.plot is not None:
         draw_prior(stored, arguments.plot)
     with progress("cross-validation", min(arguments.folds, len(material.lumps))) as advance:
-        validation = cross_validate(roi, material, arguments.folds, advance)
+        fit = trained.learned.likelihood
+        looks = fit.looks_per_s if isinstance(fit, LumpFit) else DEFAULT_LOOKS_PER_S
+        validation = cross_validate(roi, material, arguments.folds, advance, looks)
     warnings = [*trained.warnings, *coverage_warnings(material, trained.learned)]
     if validation is not None:
         warnings += validation_warnings(validation, material)

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from models.density import COMPONENTS, GridDensity
-from models.learning.learned import HistogramFit, Learned, LumpFit
-from models.learning.tempering import DEFAULT, LEAST, MOST
+from models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, Learned, LumpFit
 from models.likelihood.histogram import BINS
 from models.likelihood.lump import FEATURES
 from models.motion_prior import VELOCITY_BINS, CellVelocities
@@ -174,9 +173,9 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
 
 def _looks(arrays: dict[str, NDArray[Any]]) -> float:
     if "fit_looks" not in arrays:
-        return DEFAULT
+        return DEFAULT_LOOKS_PER_S
     (looks,) = arrays["fit_looks"]
-    if not LEAST <= looks <= MOST:
+    if not 0.0 < looks < np.inf:
         raise ValueError(f"{looks} looks a second")
     return float(looks)
 

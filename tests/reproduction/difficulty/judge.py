@@ -8,7 +8,7 @@ came or went within the tolerance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import comb
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from service.backtest.curve import Judged, Point, Terms, in_time, point_at, quiet_time, scores_at
 from service.backtest.truth import truth_of
-from tests.reproduction.difficulty.peers import OURS, PEERS, Peer, polygon
+from tests.reproduction.difficulty.peers import PEERS, polygon
 from tests.reproduction.difficulty.work import Task, load, missing, truth_boxes
 
 WANTED_PER_HOUR = 6.0
@@ -24,20 +24,14 @@ WANTED_PER_HOUR = 6.0
 MOST_STANDING = 0.02
 """Share of the time without lumps for which an alarm may stand: one that never clears is raised only once."""
 TERMS = Terms(least_warning_s=1.0, tolerance_s=0.5, false_alarms_per_hour=WANTED_PER_HOUR)
-SIZED = "sized"
-"""Ours where its alarm judges P(a lump above the limit is there): the same runs, looked at again."""
-SIZED_TITLE = "ours, alarm on P(size > limit)"
 LEVEL = 0.05
+_AT_LIMIT = 0.999
+"""What is smaller than the limit is no lump here: an alarm for it is false."""
 
 
 def title(key: str) -> str:
     """The method's name for people."""
-    return SIZED_TITLE if key == SIZED else PEERS[key].title
-
-
-def peer_of(key: str) -> Peer:
-    """The method whose runs and thresholds these are."""
-    return PEERS[OURS if key == SIZED else key]
+    return PEERS[key].title
 
 
 def done(folder: Path, tasks: Sequence[Task]) -> list[Task]:
@@ -47,24 +41,21 @@ def done(folder: Path, tasks: Sequence[Task]) -> list[Task]:
 
 def judged(folder: Path, tasks: Sequence[Task], key: str) -> list[Judged]:
     """What a method said of the feeds, with their truth; those that it need not watch are left out."""
-    peer = peer_of(key)
     found = []
     for task in tasks:
-        if peer.key not in task.peers:
+        if key not in task.peers:
             continue
-        watched = load(folder, task, peer.key)
-        recording = watched.recording
-        if key == SIZED:
-            recording = replace(recording, alarming=watched.oversize)
-        boxes, _ = truth_boxes(folder, task)
-        truth = truth_of(recording, boxes, polygon(task.spec.style), "fall", TERMS.least_warning_s)
+        recording = load(folder, task, key).recording
+        boxes, true_mm = truth_boxes(folder, task)
+        large = [box for box in boxes if true_mm[box.track] > _AT_LIMIT * task.spec.limit_mm]
+        truth = truth_of(recording, large, polygon(task.spec.style), "fall", TERMS.least_warning_s)
         found.append(Judged(task.name, recording, truth))
     return found
 
 
 def curve(feeds: Sequence[Judged], key: str) -> list[Point]:
     """All thresholds of a method, ascending."""
-    peer = peer_of(key)
+    peer = PEERS[key]
     return [point_at(feeds, peer.alarm(raise_above), TERMS) for raise_above in peer.thresholds]
 
 
@@ -123,7 +114,7 @@ NOTHING = Cell((), (), 0, 0.0)
 
 def cell(feeds: Sequence[Judged], key: str, raise_above: float) -> Cell:
     """What a threshold gives on feeds."""
-    scores = scores_at(feeds, peer_of(key).alarm(raise_above), TERMS)
+    scores = scores_at(feeds, PEERS[key].alarm(raise_above), TERMS)
     warned = [
         seconds
         for one, result in zip(feeds, scores, strict=True)

@@ -33,7 +33,8 @@ def write(found: Results) -> str:
 
 The lump filter and what one might take in its place, on the same frames of the [simulated feed](../simulator.md)
 and with the same labels. Every method is trained on one minute of the standard scene of each style (eight
-lumps), and on no other scene.
+lumps), and on no other scene. All know the calibration of the belt and the limit, and ask for the sizes that
+follow from it. A lump below the limit (scenes size-0.85 and size-0.70) is none here: an alarm for it is false.
 
 | method | what it is |
 |---|---|

@@ -67,10 +67,9 @@ class Peer:
         return ALARM.model_copy(update={"raise_above": raise_above, "clear_below": _HYSTERESIS * raise_above})
 
     def camera(self, style: str) -> CameraConfig:
-        """A camera over a feed of the style; ours is calibrated."""
+        """A calibrated camera over a feed of the style: all know which sizes matter."""
         roi: dict[str, Any] = {"id": ROI, "polygon": polygon(style), "detector": self.detector}
-        if self.key == OURS:
-            roi["calibration"] = calibration(FeedSpec(style=style))
+        roi["calibration"] = calibration(FeedSpec(style=style))
         site = {"site": "matrix", "cameras": [{"id": "feed", "source": {"url": "sim:feed"}, "rois": [roi]}]}
         return parse(json.dumps(site)).cameras[0]  # JSON is YAML
 
@@ -100,12 +99,7 @@ class PipelineWatcher:
             (np.nan,) * 3 if one.size is None else (one.size.longest_mm, one.size.low_mm, one.size.high_mm)
             for one in objects
         ]
-        return Said(
-            result.detection.existence,
-            boxes,
-            np.array(sizes, dtype=float).reshape(-1, 3),
-            result.detection.alarming,
-        )
+        return Said(result.detection.alarming, boxes, np.array(sizes, dtype=float).reshape(-1, 3))
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from service.plots import figure, save
-from tests.reproduction.difficulty.judge import SIZED, WANTED_PER_HOUR, title
+from tests.reproduction.difficulty.judge import WANTED_PER_HOUR, title
 from tests.reproduction.difficulty.results import Results, StyleResult
 
 CURVES, HEAT, WARNINGS, SIZES = (f"difficulty{name}.png" for name in ("-curves", "", "-warnings", "-sizes"))
@@ -25,7 +25,7 @@ def draw(found: Results, folder: Path) -> None:
 
 
 def _colour(found: Results, key: str) -> str:
-    return "0.35" if key == SIZED else f"C{found.plan.peers.index(key)}"
+    return f"C{found.plan.peers.index(key)}"
 
 
 def _curves(found: Results, path: Path) -> None:
@@ -35,14 +35,12 @@ def _curves(found: Results, path: Path) -> None:
         for key, points in result.curves.items():
             seen = [(p.false_per_hour, p.detection_rate) for p in points]
             shown = [(x, y) for x, y in seen if x is not None and y is not None]
-            style_of = {"color": _colour(found, key), "ls": "--" if key == SIZED else "-"}
-            panel.plot(*zip(*shown, strict=True), marker=".", lw=1.2, ms=4, label=title(key), **style_of)
+            colour = _colour(found, key)
+            panel.plot(*zip(*shown, strict=True), marker=".", lw=1.2, ms=4, label=title(key), color=colour)
             cell = result.tested[key]
             if not cell.found:
                 continue
-            panel.plot(
-                cell.per_hour, np.mean(cell.found), "o", mfc="none", ms=10, mew=1.6, color=style_of["color"]
-            )
+            panel.plot(cell.per_hour, np.mean(cell.found), "o", mfc="none", ms=10, mew=1.6, color=colour)
         panel.axvline(WANTED_PER_HOUR, color="0.5", ls=":", lw=1.2)
         panel.set_xscale("symlog", linthresh=WANTED_PER_HOUR)
         panel.set_xlim(left=-0.4)

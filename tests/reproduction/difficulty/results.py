@@ -12,7 +12,6 @@ from service.backtest.curve import Point
 from tests.reproduction import matrix
 from tests.reproduction.difficulty.judge import (
     NOTHING,
-    SIZED,
     Cell,
     best,
     cell,
@@ -61,7 +60,7 @@ class Results:
 
 def judge_all(folder: Path, plan: Plan) -> Results:
     """Judge what is there; parts that are not there yet are left out."""
-    keys = (*plan.peers, SIZED)
+    keys = plan.peers
     styles = {style: found for style in STYLES if (found := _style(folder, plan, style, keys)) is not None}
     cells, feeds = {}, {}
     for scene in plan.matrix():
@@ -86,10 +85,9 @@ def _style(folder: Path, plan: Plan, style: str, keys: tuple[str, ...]) -> Style
     chosen = {key: best(curve(judged(folder, choosing, key), key)) for key in keys}
     tests = {key: judged(folder, testing, key) for key in keys}
     long_cells = {}
-    for key in (OURS, SIZED) if long else ():
-        quiet = judged(folder, long, key)
-        for raise_above in sorted({chosen[key].raise_above, ALARM.raise_above}):
-            long_cells[key, raise_above] = cell(quiet, key, raise_above)
+    quiet = judged(folder, long, OURS)
+    for raise_above in sorted({chosen[OURS].raise_above, ALARM.raise_above}) if long else ():
+        long_cells[OURS, raise_above] = cell(quiet, OURS, raise_above)
     with_lumps = [task for task in testing if task.spec.lumps_per_minute > 0]
     return StyleResult(
         curves={key: curve(tests[key], key) for key in keys},

@@ -35,8 +35,6 @@ class Said:
     """x, y, w, h of what it shows, full-frame pixels (m, 4)."""
     sizes: NDArray[np.float64] = field(default_factory=lambda: _NO_SIZES)
     """Longest diameter and the ends of its interval, mm (m, 3), NaN where not stated; (0, 3) without."""
-    oversize: float | None = None
-    """P(one above the limit is there), where the method says that too."""
 
 
 class _OnRoi:

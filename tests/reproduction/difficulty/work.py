@@ -64,8 +64,6 @@ class Watched:
     recording: Recording
     sizes: np.ndarray
     """Stated longest diameter and the ends of its interval of each estimate, mm (m, 3); NaN where none."""
-    oversize: np.ndarray
-    """P(one above the limit is there) of each frame (n,), NaN where the method does not say."""
     frame_s: np.ndarray
     """CPU seconds of each frame (n,)."""
     run: int
@@ -174,15 +172,14 @@ class _Said:
         self._estimates: list[np.ndarray] = []
 
     def add(self, said: Said, seconds: float) -> None:
-        oversize = np.nan if said.oversize is None else said.oversize
         sizes = said.sizes if len(said.sizes) else np.full((len(said.boxes), 3), np.nan)
         self._owner += [len(self._frames)] * len(said.boxes)
         self._estimates.append(np.hstack([said.boxes, sizes]))
-        self._frames.append((said.alarming, oversize, seconds))
+        self._frames.append((said.alarming, seconds))
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {
-            "frames": np.array(self._frames).reshape(-1, 3),
+            "frames": np.array(self._frames).reshape(-1, 2),
             "owner": np.array(self._owner, dtype=np.intp),
             "estimates": np.concatenate([np.empty((0, 7)), *self._estimates]),
         }
@@ -205,7 +202,7 @@ def load(folder: Path, task: Task, key: str) -> Watched:
         n,
         1,
     )
-    return Watched(recording, estimates[:, 4:], frames[:, 1], frames[:, 2], run)
+    return Watched(recording, estimates[:, 4:], frames[:, 1], run)
 
 
 def truth_boxes(folder: Path, task: Task) -> tuple[list[Box], dict[int, float]]:

@@ -1,0 +1,112 @@
+"""How much of a frame's evidence counts, learned by whether the filter's existence can be believed.
+
+Neighbouring frames show nearly the same, so the log likelihood ratio of each counts in part only: a second of
+frames is worth so many independent looks. Too many, and a rock that looks a little like a lump is soon taken
+for one; too few, and a lump is past before it is believed. The number is chosen by the logarithmic score of
+P(E = 1) over the labelled footage (a strictly proper scoring rule: it is best where the probability is
+right), frames with and without a lump weighing the same. The likelihood knows its own training pictures too
+well, so each half of the footage is judged by what the other half taught (two-fold cross-fitting).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.learning import Learned, LumpFit
+from service.config.detector import DetectorConfig
+from service.config.jdt import JdtConfig, LumpConfig
+from service.detectors.filters import DEFAULT_INTERVAL_S
+from service.detectors.jdt import JdtDetector
+from service.fitting import fit_likelihood
+from service.footage import Footage, TrainingError
+
+GRID = (1.5, 2.25, 3.5, 5.0, 7.5, 11.0)
+"""Looks a second that are tried, ascending."""
+_SURE = 0.001
+"""Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
+
+
+def temper(
+    config: DetectorConfig, footage: Footage, learned: Learned, advance: Callable[[int], None]
+) -> Learned:
+    """What was learned with its looks a second; as it was where the footage cannot teach them.
+
+    That is where the likelihood is no lump's, `evidence` is configured, all frames or none show a lump, or one
+    half of the footage teaches nothing. `advance` is told how many candidates have been judged.
+    """
+    fit = learned.likelihood
+    if not isinstance(config, JdtConfig) or not isinstance(config.likelihood, LumpConfig):
+        return learned
+    if config.likelihood.evidence is not None or not isinstance(fit, LumpFit):
+        return learned
+    halves = _halves(footage)
+    if halves is None:
+        return learned
+    profile = learned.profile.scaled(float(footage.roi.shape[0]))
+    try:
+        fits = [fit_likelihood(config, other, profile, "half of the footage") for other in reversed(halves)]
+    except TrainingError:
+        return learned
+    best, best_score = fit.looks_per_s, -np.inf
+    for number, looks in enumerate(GRID, start=1):
+        existence = [
+            _watch(config, half, with_looks(replace(learned, likelihood=one), looks))
+            for half, one in zip(halves, fits, strict=True)
+        ]
+        score = log_score(np.concatenate(existence), np.concatenate([_labelled(half) for half in halves]))
+        advance(number)
+        if score <= best_score:
+            break  # one peak: too little evidence before it, too much behind it
+        best, best_score = looks, score
+    return with_looks(learned, best)
+
+
+def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
+    """Mean log probability given to what was so, over frames with and without an object weighing the same.
+
+    Raises ValueError where one of them is missing.
+    """
+    if present.all() or not present.any():
+        raise ValueError("frames with and frames without an object are needed")
+    p = np.clip(existence, _SURE, 1.0 - _SURE)
+    return float(np.log(p[present]).mean() + np.log(1.0 - p[~present]).mean())
+
+
+def _halves(footage: Footage) -> tuple[Footage, Footage] | None:
+    """Cut where half of the labelled pictures lie before; None where there are not both kinds of pictures."""
+    labelled = np.flatnonzero(_labelled(footage))
+    if len(labelled) < 2 or len(labelled) == len(footage.views):
+        return None
+    cut = int(labelled[len(labelled) // 2])
+    first = replace(footage, views=footage.views[:cut], moments=footage.moments[:cut])
+    return first, replace(footage, views=footage.views[cut:], moments=footage.moments[cut:])
+
+
+def _labelled(footage: Footage) -> NDArray[np.bool_]:
+    return np.array([len(item.objects) > 0 for item in footage.views], dtype=np.bool_)
+
+
+def with_looks(learned: Learned, looks_per_s: float) -> Learned:
+    """The same with other looks a second, where its likelihood is a lump's."""
+    fit = learned.likelihood
+    if not isinstance(fit, LumpFit):
+        return learned
+    return replace(learned, likelihood=replace(fit, looks_per_s=looks_per_s))
+
+
+def _watch(config: JdtConfig, footage: Footage, learned: Learned) -> NDArray[np.float64]:
+    """Existence after each picture, every clip from its beginning."""
+    existence = []
+    times = [(moment.clip, moment.time_s) for moment in footage.moments]
+    for (last, now), item in zip(pairwise([(-1, 0.0), *times]), footage.views, strict=True):
+        if last[0] != now[0]:
+            detector, dt = JdtDetector(config, footage.roi, learned), DEFAULT_INTERVAL_S
+        else:
+            dt = now[1] - last[1]
+        existence.append(detector.step(item.view.gray, item.view.colour, dt).existence)
+    return np.array(existence)
