@@ -49,6 +49,8 @@ class Roi:
     """Integral image of `mask`."""
     limit_px: NDArray[np.float64] | None = None
     """Side of the box of an object at the size limit by row of the working picture (h,); None: no limit known."""
+    entry: Image | None = None
+    """Where in `mask` an object may be found first (h, w); None: anywhere in it."""
 
     @property
     def shape(self) -> tuple[int, int]:

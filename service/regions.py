@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.plane import BeltPlane, side_of
-from models.roi import Roi, make_roi
+from models.roi import Image, Roi, make_roi
+from service.config.calibration import CalibrationConfig
 from service.config.cameras import RoiConfig
 from service.sizing import SHAPE_FACTOR, make_plane
 
@@ -23,7 +24,29 @@ def make_region(config: RoiConfig, width: int, height: int) -> Roi:
     if calibration is None or calibration.limit_mm is None:
         return roi
     limit = _limit_px(roi, make_plane(calibration, width, height), calibration.limit_mm)
-    return replace(roi, limit_px=limit)
+    return replace(roi, limit_px=limit, entry=_entry(roi, calibration, limit, width, height))
+
+
+def _entry(
+    roi: Roi, calibration: CalibrationConfig, limit_px: NDArray[np.float64], width: int, height: int
+) -> Image:
+    """The part of the region that is as far from the lip as a lump at the limit is large, and farther.
+
+    What is first seen beyond that can no longer be announced in time, and ore that falls off the belt, in its
+    dust, looks like large lumps of every shape.
+    """
+    size = (width, height)
+    a, b = (np.array(end) * size for end in calibration.lip)
+    known = calibration.points if calibration.width is None else calibration.width.far
+    y, x = np.mgrid[: roi.shape[0], : roi.shape[1]] + 0.5
+    place = np.stack([roi.x + x / roi.scale, roi.y + y / roi.scale], axis=-1)
+    normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
+    side = np.sign((np.mean(np.array(known) * size, axis=0) - a) @ normal)
+    left = side * ((place - a) @ normal) * roi.scale - limit_px[:, None]
+    entry = roi.mask * (left > 0).astype(np.uint8)
+    if not entry.any():
+        raise ValueError("calibration: the region lies beyond the lip")
+    return entry
 
 
 def _limit_px(roi: Roi, plane: BeltPlane, limit_mm: float) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from service.config.calibration import CalibrationConfig
 from service.detection import DetectedObject, Detection, LumpSize
 from service.errors import ConfigError
 
-SHAPE_FACTOR = 1.2
+SHAPE_FACTOR = 1.25
 """A lump is longer than its silhouette shows: the longest axis seldom lies across the view."""
 SHAPE_SPREAD = 0.13
 """Standard deviation of the log of a lump's longest diameter around that of its silhouette."""
@@ -107,7 +107,8 @@ class Sizer:
             lip_spread_s=None if lip is None else lip.spread,
         )
         if looks.frames == 0:
-            return size
+            # Not yet seen whole: it counts, unless it was first seen at the lip, too late for any warning.
+            return replace(size, over_limit=float(found.distance_m.value > 0.0))
         mean = looks.longest / looks.frames
         independent = min(1.0 + (looks.last_s - looks.first_s) / LOOK_S, looks.frames, MOST_LOOKS)
         spread = sqrt(SHAPE_SPREAD**2 + looks.variance / looks.frames / independent)

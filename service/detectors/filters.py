@@ -55,6 +55,7 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
     height = float(roi.shape[0])
     models = make_models(config.models, learned, height)
     profile = make_profile(config.size_h, learned, roi)
+    searched = roi.mask if roi.entry is None else roi.entry
     if learned is None:
         births = np.array([0.0 if model.momentary else 1.0 for model in models])
         births = births / births.sum() if births.any() else np.full(len(models), 1 / len(models))
@@ -63,7 +64,7 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
     return JdtFilter(
         models=models,
         switching=_switching(config, models, learned, height),
-        births=_births(config, learned, polygon_births(roi.mask, profile, births), height),
+        births=_births(config, learned, polygon_births(searched, profile, births), height),
         profile=profile,
         chain=ExistenceChain(config.existence.birth_rate_hz, 1.0 / config.existence.mean_life_s),
         particles=config.particles,

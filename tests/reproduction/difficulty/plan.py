@@ -22,11 +22,11 @@ class Plan:
 
     choose_lumps: int = 4
     """Training feeds with lumps, from the second seed on, on which thresholds are chosen; for each style."""
-    choose_empty: int = 9
+    choose_empty: int = 6
     """The same without lumps."""
     test_lumps: int = 20
     """Test feeds of a standard scene with lumps."""
-    peer_lumps: int = 10
+    peer_lumps: int = 6
     """Of these, those that all methods watch; the others are watched by ours only."""
     test_empty: int = 4
     long_feeds: int = 15
