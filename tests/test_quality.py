@@ -106,6 +106,20 @@ def test_gross_faults_are_found_without_a_reference(
     assert pipeline.quality.mount.shift_px is None
 
 
+@pytest.mark.parametrize("interval_s", [0.5, 1.6, 2.9])
+def test_pictures_that_seldom_come_can_be_frozen_too(interval_s: float) -> None:
+    pipeline = CameraPipeline(CONFIG, {"apron": prior()}, reference=REFERENCE)
+    shown = [belt(200 + k) if k < 20 else frozen(belt(0), 5 * k) for k in range(40)]
+    found = []
+    for k, one in enumerate(frames(iter(shown))):
+        came = replace(one, capture_s=k * interval_s, received_s=k * interval_s)
+        found.append(pipeline.process(came, came.received_s)[0].reason)
+    assert set(found[:20]) == {None}
+    first = found.index(BlindReason.FROZEN)
+    assert (first - 20) * interval_s <= CONFIG.quality.found_within_s(CONFIG.quality.frozen) + 2 * interval_s
+    assert set(found[first:]) == {BlindReason.FROZEN}
+
+
 def test_a_stopped_belt_under_a_live_sensor_is_not_frozen() -> None:
     found, _ = results(lambda p, k: belt(k, run=False))
     assert not [one.reason for one in found if one.reason is BlindReason.FROZEN]

@@ -26,8 +26,6 @@ from models.roi import Image
 
 CLOCK_SHARE = 0.1
 """Share of the tiles that may change without the rest being alive, such as a burnt-in clock."""
-LONGEST_GAP_S = 1.5
-"""Pictures further apart are not compared: the window begins anew."""
 REMEMBERED_S = 5.0
 """So far back a picture is looked for that was the same: longer than from one key frame to the next."""
 _MOST_REMEMBERED = 32
@@ -46,12 +44,13 @@ class Activity:
 
     def add(self, time_s: float, picture: Image) -> float | None:
         """The next picture (h, w); None until there are two to compare."""
-        if self._seen and (picture.shape != self._shape or time_s - self._seen[-1][0] > LONGEST_GAP_S):
+        if self._seen and picture.shape != self._shape:
             self._seen.clear()
             self._changes.clear()
         self._shape = picture.shape
         thinned = np.ascontiguousarray(picture[::_STRIDE, ::_STRIDE])
-        while self._seen and self._seen[0][0] <= time_s - REMEMBERED_S:
+        # The last one stays however long ago: pictures that seldom come can be frozen too.
+        while len(self._seen) > 1 and self._seen[0][0] <= time_s - REMEMBERED_S:
             self._seen.popleft()
         compared = bool(self._seen)
         if compared:
