@@ -22,8 +22,8 @@ Boxes = NDArray[np.float64]
 class Foreground(Protocol):
     """A background model: it learns from each picture and says what does not belong to the scene."""
 
-    def apply(self, picture: Image) -> Image:
-        """The mask (h, w), 0 or 255, of a BGR picture (h, w, 3); the model learns from the picture."""
+    def apply(self, picture: Image, learn: bool = True) -> Image:
+        """The mask (h, w), 0 or 255, of a BGR picture (h, w, 3), from which the model learns where it may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +56,20 @@ class MixtureForeground:
         self._shape: tuple[int, ...] = ()
         self._seen = 0
 
-    def apply(self, picture: Image) -> Image:
-        """The mask of a picture. Raises ValueError for a shape that is not (h, w, 3) or not the first one's."""
+    def apply(self, picture: Image, learn: bool = True) -> Image:
+        """The mask of a picture; without `learn` only the very first one teaches anything.
+
+        Raises ValueError for a shape that is not (h, w, 3) or not the first one's.
+        """
         shape = self._shape or picture.shape
         if len(shape) != 3 or shape[2] != 3 or picture.shape != shape:
             raise ValueError(f"a picture of shape {picture.shape}, expected {self._shape or '(h, w, 3)'}")
         self._shape = shape
         o = self._options
-        self._seen = min(self._seen + 1, o.warm_up + 1)
-        rate = 1.0 / (2 * self._seen) if self._seen <= o.warm_up else 1.0 / o.memory
+        rate = 0.0
+        if learn:
+            self._seen = min(self._seen + 1, o.warm_up + 1)
+            rate = 1.0 / (2 * self._seen) if self._seen <= o.warm_up else 1.0 / o.memory
         smooth = cv2.GaussianBlur(picture, (0, 0), o.blur) if o.blur > 0.0 else picture
         found = self._model.apply(smooth, learningRate=rate)
         return np.where(found == 255, np.uint8(255), np.uint8(0))

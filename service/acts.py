@@ -10,6 +10,7 @@ from service.alarms import (
     AlarmRequestError,
     acknowledge,
     put_back,
+    reset,
     shelve,
     suppress,
     take_out,
@@ -21,6 +22,7 @@ from service.pipeline import Act, all_of
 from service.requests import (
     AckRequest,
     Request,
+    ResetRequest,
     ServiceRequest,
     ShelveRequest,
     SuppressRequest,
@@ -90,6 +92,11 @@ def _acknowledge(parameters: Parameters) -> Act:
     return lambda alarm, _, now_s: all_of(acknowledge(alarm, actor, now_s))
 
 
+def _reset(parameters: Parameters) -> Act:
+    actor = _actor(parameters)
+    return lambda alarm, _, now_s: all_of(reset(alarm, actor, now_s))
+
+
 def _shelve(parameters: Parameters) -> Act:
     actor, reason, for_s = _actor(parameters), _reason(parameters), _seconds(parameters, "for_s")
     return lambda alarm, rules, now_s: all_of(shelve(alarm, rules, now_s, actor, reason, for_s))
@@ -119,6 +126,7 @@ def _suppress(parameters: Parameters) -> Act:
 
 _KINDS: dict[Kind, tuple[type[Request], Callable[[Parameters], Act]]] = {
     Kind.ACK: (AckRequest, _acknowledge),
+    Kind.RESET: (ResetRequest, _reset),
     Kind.SHELVE: (ShelveRequest, _shelve),
     Kind.UNSHELVE: (UnshelveRequest, _unshelve),
     Kind.SERVICE: (ServiceRequest, _service),

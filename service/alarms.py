@@ -8,11 +8,12 @@ whether the alarm *waits* for an acknowledgement.
                         |  ^                              |
                      cleared raised                    cleared
                         v  |                              v
-    not active        RETURNED (latched) --acknowledged--> NORMAL --raised--> UNACKNOWLEDGED
+    not active        RETURNED ---acknowledged---> NORMAL, or LATCHED ---reset---> NORMAL
 
 It is raised when existence stays above `raise_above` for `on_delay_s`, and cleared when it stays below
-`clear_below` for `off_delay_s`. Without `latch`, clearing leads to NORMAL at once. After `re_alarm_s`
-what is still UNACKNOWLEDGED is announced again.
+`clear_below` for `off_delay_s`. Without `latch`, clearing waits for no acknowledgement. With `needs_reset`
+what was raised stays LATCHED after it is over and acknowledged, until a person resets it. From NORMAL,
+RETURNED and LATCHED it is raised as UNACKNOWLEDGED. After `re_alarm_s` what still is that is announced again.
 
 Three holds keep it from being announced: SHELVED by an operator for a limited time, SUPPRESSED by a
 plant signal for as long as that is valid, OUT_OF_SERVICE until a person puts it back. The condition is
@@ -51,6 +52,7 @@ class AlarmState(StrEnum):
     UNACKNOWLEDGED = "UNACKNOWLEDGED"
     ACKNOWLEDGED = "ACKNOWLEDGED"
     RETURNED = "RETURNED"
+    LATCHED = "LATCHED"
     SHELVED = "SHELVED"
     SUPPRESSED = "SUPPRESSED"
     OUT_OF_SERVICE = "OUT_OF_SERVICE"
@@ -67,6 +69,7 @@ class Change(StrEnum):
     RAISED = "raised"
     CLEARED = "cleared"
     ACKNOWLEDGED = "acknowledged"
+    RESET = "reset"
     RE_ALARMED = "re_alarmed"
     ACTIVE = "active"
     """The condition came under a hold: recorded, not announced."""
@@ -97,6 +100,8 @@ class Rules(Protocol):
     def off_delay_s(self) -> float: ...  # noqa: D102
     @property
     def latch(self) -> bool: ...  # noqa: D102
+    @property
+    def needs_reset(self) -> bool: ...  # noqa: D102
     @property
     def re_alarm_s(self) -> float | None: ...  # noqa: D102
     @property
@@ -137,6 +142,8 @@ class Alarm:
     """The condition, delays applied."""
     waits: bool = False
     """For an acknowledgement."""
+    latched: bool = False
+    """Whether it was raised, and a person must reset it where the rules say so once it is over."""
     since_s: float | None = None
     """Since when existence has been beyond the threshold that would change the condition."""
     announced_s: float | None = None
@@ -164,7 +171,9 @@ class Alarm:
             return AlarmState.SHELVED
         if self.active:
             return AlarmState.UNACKNOWLEDGED if self.waits else AlarmState.ACKNOWLEDGED
-        return AlarmState.RETURNED if self.waits else AlarmState.NORMAL
+        if self.waits:
+            return AlarmState.RETURNED
+        return AlarmState.LATCHED if self.latched else AlarmState.NORMAL
 
 
 MOST_SIGNALS = 16
@@ -185,7 +194,10 @@ def step(alarm: Alarm, config: Rules, existence: float, time_s: float) -> tuple[
         return replace(alarm, since_s=since), None
     if alarm.active:
         waits = alarm.waits and config.latch
-        after = replace(alarm, active=False, waits=waits, since_s=None, announced_s=None, actor=None)
+        latched = alarm.latched and config.needs_reset
+        after = replace(
+            alarm, active=False, waits=waits, latched=latched, since_s=None, announced_s=None, actor=None
+        )
         return after, _told(Change.INACTIVE if alarm.held else Change.CLEARED, alarm, after, time_s)
     if alarm.held:
         after = replace(alarm, active=True, since_s=None)
@@ -228,6 +240,14 @@ def acknowledge(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transit
         return alarm, None
     after = replace(alarm, waits=False, announced_s=None, actor=actor)
     return after, _told(Change.ACKNOWLEDGED, alarm, after, time_s, actor)
+
+
+def reset(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transition | None]:
+    """The alarm after `actor` has reset it; no transition where it is not over, not acknowledged or not latched."""
+    if alarm.active or alarm.waits or not alarm.latched:
+        return alarm, None
+    after = replace(alarm, latched=False)
+    return after, _told(Change.RESET, alarm, after, time_s, actor)
 
 
 def shelve(
@@ -300,14 +320,16 @@ def _release(
     if freed.held or not freed.active:
         return freed, (_told(change, alarm, freed, time_s, actor, reason),)
     # Told as two changes, so that whoever follows the alarm sees an ordinary `raised`.
-    quiet = replace(freed, active=False)
+    quiet = replace(freed, active=False, latched=False)
     raised, announced = _raised(freed, time_s, quiet)
     raised = replace(raised, since_s=freed.since_s)  # an off-delay that runs goes on
     return raised, (_told(change, alarm, quiet, time_s, actor, reason), announced)
 
 
 def _raised(alarm: Alarm, time_s: float, before: Alarm | None = None) -> tuple[Alarm, Transition]:
-    after = replace(alarm, active=True, waits=True, since_s=None, announced_s=time_s, actor=None)
+    after = replace(
+        alarm, active=True, waits=True, latched=True, since_s=None, announced_s=time_s, actor=None
+    )
     return after, _told(Change.RAISED, before or alarm, after, time_s)
 
 

@@ -192,8 +192,8 @@ class StateMessage(StateLine):
     site: str
     """Site id."""
     alarm: str
-    """State of the lump alarm: NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, or why it is not announced:
-    SHELVED, SUPPRESSED, OUT_OF_SERVICE."""
+    """State of the lump alarm: NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, LATCHED, or why it is not
+    announced: SHELVED, SUPPRESSED, OUT_OF_SERVICE."""
     blind_alarm: str = "NORMAL"
     """State of the blind alarm, in the same words."""
     alarms: dict[AlarmClass, AlarmState] = Field(default_factory=dict)

@@ -184,6 +184,7 @@ class Monitor:
         """Answer operators, the plant, and whoever wants the prior."""
         keys = {
             Kind.ACK: self._keys.ack,
+            Kind.RESET: self._keys.reset,
             Kind.SHELVE: self._keys.shelve,
             Kind.UNSHELVE: self._keys.unshelve,
             Kind.SERVICE: self._keys.service,

@@ -91,13 +91,16 @@ class Mount:
     def _follow(self, x: float, y: float, time_s: float) -> None:
         """Move the regions along once a small shift has lasted."""
         away = max(abs(x - self.followed_px[0]), abs(y - self.followed_px[1]))
-        if self.lost or away < max(_LEAST * self._width, 0.75 * self._step):
+        least = max(_LEAST * self._width, 0.75 * self._step)
+        if self.lost or away < least:
             self._off_since_s = None
             return
         self._off_since_s = time_s if self._off_since_s is None else self._off_since_s
         if time_s - self._off_since_s >= self._config.entry_s - 1e-6:
             step = self._step
-            self.followed_px = round(x / step) * step, round(y / step) * step
+            # A camera that is back is where it was: what is left is the error of the estimate.
+            back = max(abs(x), abs(y)) < least
+            self.followed_px = (0, 0) if back else (round(x / step) * step, round(y / step) * step)
             self.follows += 1
             self._off_since_s = None
             log.warning("camera %s: has moved by %+.1f, %+.1f px; its rois follow", self._camera, x, y)

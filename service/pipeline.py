@@ -348,6 +348,7 @@ class CameraPipeline:
             cut = perf_counter()
             self.quality.look(roi.config.id, gray, frame.capture_s)
             looked = perf_counter()
+            roi.detector.learns = self._teaches(roi, now_s)
             detection = roi.detector.step(gray, colour, dt)
             if roi.sizer is not None:
                 detection = roi.sizer.measure(detection, frame.capture_s)
@@ -369,6 +370,11 @@ class CameraPipeline:
         evidence = self._evidence(roi, roi.detection.alarming)
         stepped = step(roi.alarms[AlarmClass.LUMP], roi.config.alarm, evidence, frame.capture_s)
         return self._result(roi, roi.take(AlarmClass.LUMP, all_of(stepped)), now_s, decided=True)
+
+    def _teaches(self, roi: _Roi, now_s: float) -> bool:
+        """Whether the picture may teach anything: a background model must not learn what covers the lens."""
+        quality = self.quality.judged(roi.config.id)
+        return quality.reason is None and not quality.suspect and self._blind(roi, now_s) is None
 
     def _evidence(self, roi: _Roi, alarming: float) -> float:
         """What the lump alarm may judge: a picture that is not fit clears no alarm.

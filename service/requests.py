@@ -38,6 +38,13 @@ class AckRequest(Request):
     """Who does it."""
 
 
+class ResetRequest(Request):
+    """Reset an alarm that is latched."""
+
+    actor: str = Field(max_length=_NAME)
+    """Who does it."""
+
+
 class ShelveRequest(Request):
     """Keep an alarm from being announced for a while."""
 

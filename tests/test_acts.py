@@ -50,6 +50,14 @@ def test_holds_are_ended() -> None:
     ]
 
 
+def test_what_is_latched_is_reset_by_someone() -> None:
+    latched = Alarm(latched=True)
+    assert latched.state is AlarmState.LATCHED
+    alarm, changes = done(Kind.RESET, ADA, latched)
+    assert (alarm.state, changes) == (AlarmState.NORMAL, [Change.RESET])
+    assert done(Kind.RESET, ADA)[1] == []  # the lump is there
+
+
 def test_the_class_is_lump_unless_said() -> None:
     assert act_of(Kind.ACK, ADA)[0] is AlarmClass.LUMP
     assert act_of(Kind.ACK, {**ADA, "class": "blind"})[0] is AlarmClass.BLIND
@@ -62,6 +70,7 @@ def test_the_class_is_lump_unless_said() -> None:
         (Kind.ACK, {"actor": "  "}, "actor: is missing"),
         (Kind.ACK, {**ADA, "clas": "blind"}, "clas: is no parameter of ack (has actor, class)"),
         (Kind.ACK, {**ADA, "class": "dust"}, "class: 'dust' is none of lump, blind, system"),
+        (Kind.RESET, {}, "actor: is missing"),
         (Kind.SHELVE, {**ADA, "for_s": "60"}, "reason: is missing"),
         (Kind.SHELVE, {**ADA, "reason": "x"}, "for_s: is missing"),
         (Kind.SHELVE, {**ADA, "reason": "x", "for_s": "1h"}, "for_s: '1h' is not a number of seconds"),
@@ -105,7 +114,7 @@ def test_any_payload_is_read_or_refused(payload: bytes) -> None:
 
 
 @given(
-    st.sampled_from([Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS]),
+    st.sampled_from([Kind.ACK, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS]),
     st.dictionaries(
         st.sampled_from(["actor", "reason", "for_s", "state", "signal", "valid_s", "class"]),
         st.text(max_size=8) | st.sampled_from(["1", "out", "in", "lump"]),

@@ -21,6 +21,7 @@ from service.alarms import (
     Transition,
     acknowledge,
     put_back,
+    reset,
     shelve,
     step,
     suppress,
@@ -34,7 +35,7 @@ from service.config.alarm import BlindAlarmConfig
 from service.pipeline import all_of
 from service.store.events import alarm_of, alarm_text
 
-NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, SHELVED, SUPPRESSED, OUT = AlarmState
+NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, LATCHED, SHELVED, SUPPRESSED, OUT = AlarmState
 AT_ONCE = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, shelve_max_s=100.0, suppress_max_s=50.0)
 QUIET = Alarm()
 WAITING = Alarm(active=True, waits=True, announced_s=0.0)
@@ -93,7 +94,7 @@ def test_what_is_there_when_a_hold_ends_is_announced(
     assert made[0].change in (Change.UNSHELVED, Change.UNSUPPRESSED, Change.PUT_BACK)
     if before.active:
         assert (made[1].change, made[1].time_s) == (Change.RAISED, 6.0)
-        assert after == Alarm(active=True, waits=True, announced_s=6.0)
+        assert after == Alarm(active=True, waits=True, latched=True, announced_s=6.0)
     assert after.state is made[-1].after
     assert ENDS[kind](after, 7.0) == (after, ())  # ending twice is nothing
 
@@ -219,6 +220,43 @@ def test_what_nobody_acknowledges_is_announced_again() -> None:
         assert tick(other, config, 1e9) == (other, ())
 
 
+LATCHING = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, needs_reset=True)
+
+
+def test_what_needs_a_reset_stands_until_someone_resets_it() -> None:
+    alarm, _ = step(QUIET, LATCHING, 1.0, 0.0)
+    assert reset(alarm, "Ada", 1.0) == (alarm, None)  # it is still there
+    alarm, _ = step(alarm, LATCHING, 0.0, 2.0)
+    assert (alarm.state, reset(alarm, "Ada", 3.0)) == (RETURNED, (alarm, None))  # nobody has seen it
+    alarm, made = acknowledge(alarm, "Ada", 4.0)
+    assert made == Transition(Change.ACKNOWLEDGED, RETURNED, LATCHED, 4.0, "Ada")
+    assert acknowledge(alarm, "Ada", 5.0) == (alarm, None)
+    again, made = step(alarm, LATCHING, 1.0, 6.0)
+    assert (made and made.change, again.state) == (Change.RAISED, UNACKNOWLEDGED)
+    alarm, made = reset(alarm, "Bob", 7.0)
+    assert made == Transition(Change.RESET, LATCHED, NORMAL, 7.0, "Bob")
+    assert alarm == replace(QUIET, actor="Ada")
+    assert reset(alarm, "Bob", 8.0) == (alarm, None)
+
+
+def test_what_was_acknowledged_while_it_was_there_is_latched_when_it_is_over() -> None:
+    alarm, _ = acknowledge(step(QUIET, LATCHING, 1.0, 0.0)[0], "Ada", 1.0)
+    alarm, made = step(alarm, LATCHING, 0.0, 2.0)
+    assert made == Transition(Change.CLEARED, ACKNOWLEDGED, LATCHED, 2.0)
+    assert alarm_of(alarm_text(alarm)).state is LATCHED  # a restart does not reset it
+
+
+@pytest.mark.parametrize("kind", HOLDS)
+def test_what_only_came_under_a_hold_is_not_latched(kind: str) -> None:
+    held, _ = HOLDS[kind](QUIET, 0.0)
+    for existence in (1.0, 0.0):
+        held, _ = step(held, LATCHING, existence, 1.0)
+    assert ENDS[kind](held, 2.0)[0].state is NORMAL
+    raised, _ = acknowledge(step(QUIET, LATCHING, 1.0, 0.0)[0], "Ada", 1.0)
+    held, _ = step(HOLDS[kind](raised, 2.0)[0], LATCHING, 0.0, 3.0)
+    assert ENDS[kind](held, 4.0)[0].state is LATCHED  # it was announced before
+
+
 def test_blindness_is_judged_by_the_same_machine() -> None:
     rules = BlindAlarmConfig(on_delay_s=1.0, off_delay_s=0.5, latch=True)
     alarm, made = QUIET, []
@@ -243,9 +281,13 @@ def test_both_classes_are_configured_each_by_itself() -> None:
 # Any history, against an oracle
 
 LEGAL = {
-    Change.RAISED: {(NORMAL, UNACKNOWLEDGED), (RETURNED, UNACKNOWLEDGED)},
-    Change.CLEARED: {(UNACKNOWLEDGED, RETURNED), (UNACKNOWLEDGED, NORMAL), (ACKNOWLEDGED, NORMAL)},
-    Change.ACKNOWLEDGED: {(UNACKNOWLEDGED, ACKNOWLEDGED), (RETURNED, NORMAL)},
+    Change.RAISED: {(one, UNACKNOWLEDGED) for one in (NORMAL, RETURNED, LATCHED)},
+    Change.CLEARED: {
+        (UNACKNOWLEDGED, RETURNED),
+        *((one, over) for one in (UNACKNOWLEDGED, ACKNOWLEDGED) for over in (NORMAL, LATCHED)),
+    },
+    Change.ACKNOWLEDGED: {(UNACKNOWLEDGED, ACKNOWLEDGED), (RETURNED, NORMAL), (RETURNED, LATCHED)},
+    Change.RESET: {(LATCHED, NORMAL)},
     Change.RE_ALARMED: {(UNACKNOWLEDGED, UNACKNOWLEDGED)},
 }
 HELD = (SHELVED, SUPPRESSED, OUT)
@@ -256,13 +298,19 @@ STOPS = {Change.UNSHELVED: SHELVED, Change.UNSUPPRESSED: SUPPRESSED, Change.PUT_
 def legal(one: Transition) -> bool:
     if one.change in LEGAL and (one.before, one.after) in LEGAL[one.change]:
         return True
-    if one.change in (Change.ACTIVE, Change.INACTIVE, Change.ACKNOWLEDGED):
+    if one.change in (Change.ACTIVE, Change.INACTIVE, Change.ACKNOWLEDGED, Change.RESET):
         return one.before is one.after and one.before in HELD
     if one.change in STARTS:  # a hold that lasts longer by design hides a shorter one
         return one.after in HELD and HELD.index(one.after) >= HELD.index(STARTS[one.change])
     if one.change in STOPS:
         hidden = one.before is one.after and HELD.index(one.before) > HELD.index(STOPS[one.change])
-        shown = one.before is STOPS[one.change] and one.after in (NORMAL, RETURNED, SHELVED, SUPPRESSED)
+        shown = one.before is STOPS[one.change] and one.after in (
+            NORMAL,
+            RETURNED,
+            LATCHED,
+            SHELVED,
+            SUPPRESSED,
+        )
         return hidden or shown
     return False
 
@@ -284,6 +332,7 @@ EVENTS = st.one_of(
         st.sampled_from(
             [
                 "ack",
+                "reset",
                 "shelve",
                 "unshelve",
                 "suppress",
@@ -303,6 +352,7 @@ CONFIGS = st.builds(
     on_delay_s=st.sampled_from([0.0, 0.25]),
     off_delay_s=st.sampled_from([0.0, 0.35]),
     latch=st.booleans(),
+    needs_reset=st.booleans(),
     re_alarm_s=st.sampled_from([None, 0.7]),
 )
 
@@ -327,6 +377,8 @@ class Oracle:
         self.until: dict[str, float] = {}
         self.seen = True
         """Whether somebody has acknowledged what was last announced."""
+        self.latched = False
+        """Whether what was announced must be reset."""
 
     def frame(self, existence: float, now: float) -> None:
         beyond = existence < self.config.clear_below if self.active else existence > self.config.raise_above
@@ -336,6 +388,8 @@ class Oracle:
             self.active, self.run = not self.active, []
             if not self.active and not self.config.latch:
                 self.seen = True
+            if not self.active and not self.config.needs_reset:
+                self.latched = False
 
     def hold(self, kind: str, until: float) -> None:
         self.until[kind] = until
@@ -349,6 +403,10 @@ def deed(alarm: Alarm, config: AlarmConfig, event: Event, now: float, oracle: Or
         case "ack":
             oracle.seen = True
             return all_of(acknowledge(alarm, "Ada", now))
+        case "reset":
+            if not oracle.active and oracle.seen:
+                oracle.latched = False
+            return all_of(reset(alarm, "Ada", now))
         case "shelve":
             oracle.hold("shelved", now + event.value)
             return all_of(shelve(alarm, config, now, "Ada", "dust", event.value))
@@ -391,14 +449,14 @@ def test_no_history_loses_an_alarm(config: AlarmConfig, history: list[Event]) ->
         # A raise for each time that the condition stands anew without a hold, and no other.
         assert len(raised) == (stands and not was)
         if raised:
-            oracle.seen = False
+            oracle.seen, oracle.latched = False, True
         assert alarm.active is oracle.active
         assert alarm.held is bool(oracle.until)
         if not oracle.until:
             expected = (
                 (ACKNOWLEDGED if oracle.seen else UNACKNOWLEDGED)
                 if oracle.active
-                else (NORMAL if oracle.seen else RETURNED)
+                else ((LATCHED if oracle.latched else NORMAL) if oracle.seen else RETURNED)
             )
             assert alarm.state is expected
         for one in (*made, *more):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from service.alarms import Alarm, AlarmState, Change, Transition, acknowledge, step
 from service.config import AlarmConfig
 
-NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, SHELVED, SUPPRESSED, OUT = AlarmState
+NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, LATCHED, SHELVED, SUPPRESSED, OUT = AlarmState
 CONFIG = AlarmConfig(raise_above=0.9, clear_below=0.5, on_delay_s=0.2, off_delay_s=1.0, latch=True)
 
 

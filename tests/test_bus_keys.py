@@ -25,6 +25,7 @@ def test_keys_are_those_of_the_contract() -> None:
     assert keys.alarm("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/alarm"
     assert keys.ack("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/ack"
     assert keys.level("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/level"
+    assert keys.reset("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/reset"
     assert keys.shelve("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/shelve"
     assert keys.unshelve("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/unshelve"
     assert keys.service("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/service"
@@ -71,7 +72,7 @@ def test_parse_is_the_reverse(site: str, one: str, two: str) -> None:
     assert parse(keys.state(one, two)) == Address(site, Kind.STATE, camera=one, roi=two)
     assert parse(keys.alarm(one, two)) == Address(site, Kind.ALARM, camera=one, roi=two)
     assert parse(keys.ack(one, two)) == Address(site, Kind.ACK, camera=one, roi=two)
-    for kind in (Kind.LEVEL, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS):
+    for kind in (Kind.LEVEL, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS):
         assert parse(getattr(keys, kind.value)(one, two)) == Address(site, kind, camera=one, roi=two)
     assert parse(keys.shadow(one, two)) == Address(site, Kind.SHADOW, camera=one, roi=two)
     assert parse(keys.prior(one, two)) == Address(site, Kind.PRIOR, camera=one, roi=two)

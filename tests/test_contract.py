@@ -22,7 +22,7 @@ from service.contract.examples import example
 
 SPECIFICATION = Path(__file__).parent / "schemas" / "asyncapi-3.0.0.json.gz"
 DOCUMENT: dict[str, Any] = json.loads(json.dumps(document()))
-QUERIES = {Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS}
+QUERIES = {Kind.ACK, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS}
 
 
 def errors(one: object) -> list[str]:

@@ -148,7 +148,14 @@ def test_what_is_over_and_old_is_forgotten(tmp_path: Path, log: EventLog) -> Non
 
 
 @pytest.mark.parametrize(
-    "alarm", [UP, Alarm(active=True), Alarm(waits=True), Alarm(out_of_service=Hold("Ada", "moved"))]
+    "alarm",
+    [
+        UP,
+        Alarm(active=True),
+        Alarm(waits=True),
+        Alarm(latched=True),
+        Alarm(out_of_service=Hold("Ada", "moved")),
+    ],
 )
 def test_what_is_active_waits_or_is_held_is_never_forgotten(
     tmp_path: Path, log: EventLog, alarm: Alarm

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Any
 
 import cv2
@@ -12,65 +11,38 @@ import numpy as np
 import pytest
 
 from models.quality.region import Measure
-from models.roi import Image
+from models.roi import Image, make_roi
 from service.bus.codec import decode_frame, encode_frame, encode_jpeg
 from service.camera import Reducer
 from service.config import CameraConfig
 from service.config.quality import QualityConfig
 from service.frames import Frame
 from service.messages import BlindReason, Decision
+from service.mount import Mount
 from service.pipeline import CameraPipeline, RoiResult
 from service.quality import CameraQuality
 from service.reference import FootageError, Recording, learn_reference
 from service.store.reference import BadReferenceError, Reference, ReferenceStore, decode, encode
-from tests.service_helpers import prior, site, site_tree
-
-WIDTH, HEIGHT = 192, 128
-FPS = 5.0
-WHEN = datetime(2024, 5, 17, 12, 30, tzinfo=UTC)
-
-
-def camera(**quality: Any) -> CameraConfig:
-    tree = site_tree(particles=50)
-    tree["cameras"][0]["quality"] = quality
-    return site(tree).cameras[0]
-
-
-def blocks(seed: int, shape: tuple[int, int]) -> Image:
-    """Stones of all greys."""
-    rng = np.random.default_rng(seed)
-    picture = np.full(shape, 90, np.uint8)
-    for _ in range(shape[0] * shape[1] // 60):
-        corner = rng.integers(-4, (shape[1], shape[0]))
-        cv2.rectangle(picture, corner, corner + rng.integers(2, 9, 2), int(rng.integers(40, 200)), -1)
-    return picture
-
-
-STILL = blocks(1, (HEIGHT, WIDTH))
-ORE = blocks(2, (4096, 144))
-
-
-def belt(k: int, *, noise: int | None = None, run: bool = True) -> Image:
-    """Picture k of a live camera: surroundings that stay, ore that runs within the ROI, noise."""
-    picture = STILL.copy()
-    row = 5 * k % 3900 if run else 0
-    picture[16:112, 24:168] = ORE[row : row + 96]
-    grain = np.random.default_rng(k if noise is None else noise).normal(0.0, 2.0, picture.shape)
-    return np.clip(np.round(picture + grain), 0, 255).astype(np.uint8)
-
-
-def frames(shown: Iterator[Image], start: int = 0) -> Iterator[Frame]:
-    for k, data in enumerate(shown, start):
-        yield Frame(k, k / FPS, k / FPS, 1.7e9, WIDTH, HEIGHT, "gray8", data)
-
-
-def learned(config: CameraConfig, count: int = 150) -> Reference:
-    recording = Recording("day.mp4", frames(belt(k) for k in range(count)))
-    return learn_reference(config, {"day": [recording]}, 1e-3, WHEN).reference
-
-
-CONFIG = camera()
-REFERENCE = learned(CONFIG)
+from tests.belt_scene import (
+    CONFIG,
+    FPS,
+    HEIGHT,
+    REFERENCE,
+    WHEN,
+    WIDTH,
+    belt,
+    blurred,
+    camera,
+    dark,
+    dusty,
+    frames,
+    frozen,
+    learned,
+    plate,
+    turned,
+    white,
+)
+from tests.service_helpers import prior
 
 
 def results(
@@ -85,38 +57,6 @@ def results(
     pipeline = CameraPipeline(config, {"apron": prior()}, reference=reference)
     shown = (fault(belt(200 + k), k) if begin <= k < end else belt(200 + k) for k in range(count))
     return [pipeline.process(one, one.received_s)[0] for one in frames(shown)], pipeline
-
-
-def blurred(picture: Image, k: int) -> Image:
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 2.5), np.uint8)
-
-
-def dusty(picture: Image, k: int) -> Image:
-    return np.clip(0.12 * picture + 0.88 * 170, 0, 255).astype(np.uint8)
-
-
-def dark(picture: Image, k: int) -> Image:
-    return (picture // 16).astype(np.uint8)
-
-
-def white(picture: Image, k: int) -> Image:
-    return np.full_like(picture, 255)
-
-
-def plate(picture: Image, k: int) -> Image:
-    covered = picture.copy()
-    covered[:, 40:] = np.clip(picture[:, 40:] // 40 + 85, 0, 255)
-    return covered
-
-
-def frozen(picture: Image, k: int) -> Image:
-    held = belt(249)
-    cv2.putText(held, f"{k // 5:04d}", (2, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 255, 1)
-    return held
-
-
-def turned(picture: Image, k: int) -> Image:
-    return np.roll(picture, (9, 14), (0, 1))
 
 
 @pytest.mark.parametrize(
@@ -166,6 +106,20 @@ def test_gross_faults_are_found_without_a_reference(
     assert pipeline.quality.mount.shift_px is None
 
 
+@pytest.mark.parametrize("interval_s", [0.5, 1.6, 2.9])
+def test_pictures_that_seldom_come_can_be_frozen_too(interval_s: float) -> None:
+    pipeline = CameraPipeline(CONFIG, {"apron": prior()}, reference=REFERENCE)
+    shown = [belt(200 + k) if k < 20 else frozen(belt(0), 5 * k) for k in range(40)]
+    found = []
+    for k, one in enumerate(frames(iter(shown))):
+        came = replace(one, capture_s=k * interval_s, received_s=k * interval_s)
+        found.append(pipeline.process(came, came.received_s)[0].reason)
+    assert set(found[:20]) == {None}
+    first = found.index(BlindReason.FROZEN)
+    assert (first - 20) * interval_s <= CONFIG.quality.found_within_s(CONFIG.quality.frozen) + 2 * interval_s
+    assert set(found[first:]) == {BlindReason.FROZEN}
+
+
 def test_a_stopped_belt_under_a_live_sensor_is_not_frozen() -> None:
     found, _ = results(lambda p, k: belt(k, run=False))
     assert not [one.reason for one in found if one.reason is BlindReason.FROZEN]
@@ -196,6 +150,32 @@ def test_a_small_shift_is_followed_and_its_objects_stay_where_they_are() -> None
     assert offset == (3, 2)
     assert (roi.x, roi.y) == (detector.roi.x + 3, detector.roi.y + 2)
     assert np.allclose(roi.corners, detector.roi.corners + np.array([3, 2]))
+
+
+def test_a_region_goes_back_to_where_it_was_with_the_camera() -> None:
+    _, pipeline = results(lambda p, k: np.roll(p, (2, 3), (0, 1)), end=100, count=160)
+    assert (pipeline.quality.mount.followed_px, pipeline.quality.mount.follows) == ((0, 0), 2)
+
+
+def test_what_is_left_of_a_shift_once_the_camera_is_back_is_the_error_of_the_estimate() -> None:
+    # A still that was learned half a pixel of the thumbnail off: no estimate ever is 0, 0.
+    mount = Mount("cam", QualityConfig())
+    rois = {"apron": make_roi(CONFIG.rois[0].polygon, WIDTH, HEIGHT, 320)}
+    (light,) = REFERENCE.lights
+    matrix = np.array([[1.0, 0.0, 0.45], [0.0, 1.0, 0.45]])
+    off = np.asarray(cv2.warpAffine(light.still, matrix, light.still.shape[::-1]), np.uint8)
+    mount.fit(rois, WIDTH, HEIGHT, replace(REFERENCE, lights=(replace(light, still=off),)))
+    places = []
+    for k, one in enumerate(
+        frames(np.roll(belt(k), (3, 3) if k < 60 else (0, 0), (0, 1)) for k in range(150))
+    ):
+        mount.see(one, 0)
+        places.append(mount.followed_px)
+        assert not mount.lost, k
+    assert places[59] != (0, 0)
+    assert mount.shift_px is not None
+    assert max(abs(one) for one in mount.shift_px) > 0.5  # which would be rounded to a pixel
+    assert places[-1] == (0, 0)
 
 
 def test_a_region_does_not_follow_beyond_the_picture() -> None:

@@ -52,6 +52,36 @@ def test_nothing_is_there_until_something_moves(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "foreground",
+    [
+        {"kind": "mixture", "memory_s": 2.0},
+        {"kind": "statistical", "learning_rate": 0.2, "initial_frames": 20, "once_off_share": 0.6},
+    ],
+    ids=["mixture", "statistical"],
+)
+def test_what_covers_the_lens_does_not_become_background(kind: str, foreground: dict[str, Any]) -> None:
+    empty = next(iter(street.pictures(1.0)))
+    cover = np.full_like(empty, 200)
+    seen = {}
+    for learns in (True, False):
+        detector = made(kind, foreground=foreground, size_h=[0.9, 1.2])
+
+        def show(picture: Any, count: int, detector: TrackerDetector = detector) -> None:
+            cut = detector.roi.cut(picture)
+            for _ in range(count):
+                detector.step(cut[..., 0].copy(), cut, 1 / street.FPS)
+
+        show(empty, 60)
+        detector.learns = learns
+        show(cover, 300)
+        detector.learns = False
+        mask = detector._foreground.apply(detector.roi.cut(cover))
+        seen[learns] = float((mask > 0).mean())
+    assert seen[True] < 0.01 < 0.9 < seen[False]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_boxes_are_in_frame_pixels_and_ids_stay(kind: str) -> None:
     found = run(made(kind), street.EMPTY_S + 3.0)[-15:]
     ids = [sorted(one.id for one in frame.objects) for frame in found]

@@ -32,7 +32,8 @@ class Measure(StrEnum):
     STRANGE = "strange"
     """Share of tiles that do not look as in the reference: too large where something hides them."""
     ACTIVITY = "activity"
-    """Change of all but the smallest part of the picture: too small where it is frozen."""
+    """Change of all but the smallest part of the picture, against the most similar one of the last seconds: too
+    small where it is frozen."""
 
     @property
     def too_large(self) -> bool:
@@ -56,10 +57,12 @@ _MARGIN = {
     Measure.STRUCTURE: 0.7,
     Measure.ACTIVITY: 0.25,
     Measure.SATURATED: 0.15,
-    Measure.STRANGE: 0.08,
+    Measure.STRANGE: 0.05,
 }
 # A belt that never stopped in the reference must not be taken for frozen when it does.
 _MOST_ACTIVITY = 0.25
+# A fifth of a region may look otherwise and still be ore.
+_LEAST_STRANGE = 0.2
 _MOST = {Measure.SATURATED: 0.9, Measure.STRANGE: 0.8}
 
 
@@ -111,14 +114,35 @@ def learn_region(clips: Sequence[Sequence[Sample]], share: float, window_s: floa
     slow = _slow(clips, pattern, window_s)
     if any(measure not in slow for measure in Measure):
         raise ValueError("there are no two pictures close enough in time to compare")
+    limits = {**slow, Measure.STRANGE: _strange_to_the_other_half(clips) or slow[Measure.STRANGE]}
     return RegionReference(
         mean=float(np.median([sample.look.mean for clip in clips for sample in clip])),
         usual={measure: float(np.median(series)) for measure, series in slow.items()},
         thresholds={
-            measure: _threshold(measure, series, share / len(Measure)) for measure, series in slow.items()
+            measure: _threshold(measure, series, share / len(Measure)) for measure, series in limits.items()
         },
         pattern=pattern,
     )
+
+
+def _strange_to_the_other_half(clips: Iterable[Sequence[Sample]]) -> list[float]:
+    """What single pictures of one half of the footage have that the other half does not know.
+
+    A belt that stands shows for long what it shows for a moment while it runs, and the pattern does not know
+    the ore of tomorrow: the medians of its own footage would say too little of both.
+    """
+    halves: tuple[list[Look], list[Look]] = [], []
+    for clip in clips:
+        middle = len(clip) // 2
+        for half, some in zip(halves, (clip[:middle], clip[middle:]), strict=True):
+            half.extend(sample.look for sample in some)
+    if not all(halves):
+        return []
+    return [
+        pattern.strange(look)
+        for pattern, other in zip(map(learn_pattern, halves), reversed(halves), strict=True)
+        for look in other
+    ]
 
 
 def _slow(clips: Iterable[Sequence[Sample]], pattern: Pattern, window_s: float) -> dict[Measure, list[float]]:
@@ -136,7 +160,8 @@ def _slow(clips: Iterable[Sequence[Sample]], pattern: Pattern, window_s: float) 
 
 def _threshold(measure: Measure, series: Sequence[float], share: float) -> float:
     if measure.too_large:
-        return min(upper_threshold(series, share) + _MARGIN[measure], _MOST[measure])
+        threshold = min(upper_threshold(series, share) + _MARGIN[measure], _MOST[measure])
+        return max(threshold, _LEAST_STRANGE) if measure is Measure.STRANGE else threshold
     # Ratios: their tails are those of the logarithm.
     least = np.maximum(series, 1e-3)
     threshold = float(np.exp(lower_threshold(np.log(least), share))) * _MARGIN[measure]

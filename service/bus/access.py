@@ -9,7 +9,7 @@ from __future__ import annotations
 from service.bus.keys import Kind, on_every_site
 from service.config.bus import AccessConfig
 
-COMMANDS = (Kind.ACK, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.VERDICT, Kind.PROOF)
+COMMANDS = (Kind.ACK, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.VERDICT, Kind.PROOF)
 """Queries that operators may send."""
 SIGNALS = (Kind.SUPPRESS,)
 """Puts and queries that plant control may send."""

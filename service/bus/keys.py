@@ -22,6 +22,7 @@ class Kind(StrEnum):
     ALARM = "alarm"
     LEVEL = "level"
     ACK = "ack"
+    RESET = "reset"
     SHELVE = "shelve"
     UNSHELVE = "unshelve"
     SERVICE = "service"
@@ -42,6 +43,7 @@ _OF_ROI = frozenset(
         Kind.ALARM,
         Kind.LEVEL,
         Kind.ACK,
+        Kind.RESET,
         Kind.SHELVE,
         Kind.UNSHELVE,
         Kind.SERVICE,
@@ -120,6 +122,10 @@ class Keys:
     def ack(self, camera: str, roi: str) -> str:
         """Query that acknowledges the ROI's alarm."""
         return self._of_roi(camera, roi, Kind.ACK)
+
+    def reset(self, camera: str, roi: str) -> str:
+        """Query that resets the ROI's alarm."""
+        return self._of_roi(camera, roi, Kind.RESET)
 
     def shelve(self, camera: str, roi: str) -> str:
         """Query that shelves the ROI's alarm."""

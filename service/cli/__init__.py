@@ -30,7 +30,7 @@ _MODULES = {
     "check": ("check",),
     "schema": ("schema",),
     "alarms": ("alarms",),
-    "operate": ("ack", "shelve", "unshelve", "service"),
+    "operate": ("ack", "reset", "shelve", "unshelve", "service"),
     "events": ("events",),
     "evidence": ("evidence",),
     "verdict": ("verdict",),

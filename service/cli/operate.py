@@ -1,4 +1,4 @@
-"""`lumpwatch ack`, `shelve`, `unshelve` and `service`: what an operator does to the alarms of a running daemon."""
+"""`lumpwatch ack`, `reset`, `shelve`, `unshelve`, `service`: what an operator does to a running daemon's alarms."""
 
 from __future__ import annotations
 
@@ -27,6 +27,15 @@ def add(commands: Commands) -> None:
             ack,
             "Acknowledge an alarm of a running daemon.",
             f"lumpwatch ack site.yaml {_WHERE}",
+        )
+    )
+    _with_target(
+        add_command(
+            commands,
+            "reset",
+            reset,
+            "Reset an alarm that is over and acknowledged, but latched.",
+            f"lumpwatch reset site.yaml {_WHERE}",
         )
     )
     shelving = _with_target(
@@ -83,6 +92,11 @@ def ack(arguments: argparse.Namespace) -> int:
     return _ask(arguments, "ack", {})
 
 
+def reset(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    return _ask(arguments, "reset", {})
+
+
 def shelve(arguments: argparse.Namespace) -> int:
     """Run the command."""
     span_s = seconds(arguments.span)
@@ -108,7 +122,13 @@ def _ask(arguments: argparse.Namespace, what: str, parameters: dict[str, str]) -
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     keys = Keys(config.site)
-    key = {"ack": keys.ack, "shelve": keys.shelve, "unshelve": keys.unshelve, "service": keys.service}[what]
+    key = {
+        "ack": keys.ack,
+        "reset": keys.reset,
+        "shelve": keys.shelve,
+        "unshelve": keys.unshelve,
+        "service": keys.service,
+    }[what]
     asked = parameters | {"actor": arguments.actor, "class": arguments.alarm_class}
     with open_client(as_client(config.bus), wait=False) as bus:
         answer = ask_one(bus, key(camera.id, roi.id), asked, f"{camera.id}/{roi.id}")

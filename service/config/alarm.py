@@ -22,6 +22,8 @@ class AnnunciationConfig(Strict):
     """The longest time for which it may be shelved at once."""
     suppress_max_s: PositiveSeconds = 3_600.0
     """The longest validity that a plant signal may claim for its suppression."""
+    needs_reset: bool = False
+    """After it is over and acknowledged, stay LATCHED until someone resets it."""
 
 
 class ConditionAlarmConfig(AnnunciationConfig):

@@ -13,6 +13,7 @@ from service.proof.messages import BlendPlan, BlendReply, ProofRequest, ProofRes
 from service.requests import (
     AckRequest,
     ActReply,
+    ResetRequest,
     ServiceRequest,
     ShelveRequest,
     SuppressRequest,
@@ -29,6 +30,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "shadow": ShadowState,
     "frame": FrameHeader,
     "ack": AckRequest,
+    "reset": ResetRequest,
     "shelve": ShelveRequest,
     "unshelve": UnshelveRequest,
     "service": ServiceRequest,

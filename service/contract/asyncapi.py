@@ -21,6 +21,7 @@ from service.proof.messages import BlendPlan, BlendReply, ProofRequest, ProofRes
 from service.requests import (
     AckRequest,
     ActReply,
+    ResetRequest,
     ServiceRequest,
     ShelveRequest,
     SuppressRequest,
@@ -95,6 +96,7 @@ _CHANNELS: dict[Kind, _Channel] = {
     Kind.ALARM: _Channel("Changes of the ROI's alarms; never dropped, the last 64 kept.", AlarmEvent),
     Kind.LEVEL: _Channel("The least that a PLC gateway needs, when it changes and twice a second.", Level),
     Kind.ACK: _Channel("Acknowledges an alarm.", asks=AckRequest, replies=ActReply),
+    Kind.RESET: _Channel("Resets an alarm that is latched.", asks=ResetRequest, replies=ActReply),
     Kind.SHELVE: _Channel("Shelves an alarm.", asks=ShelveRequest, replies=ActReply),
     Kind.UNSHELVE: _Channel("Ends the shelving.", asks=UnshelveRequest, replies=ActReply),
     Kind.SERVICE: _Channel(

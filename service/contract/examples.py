@@ -29,6 +29,7 @@ from service.proof.messages import BlendPlan, BlendReply, LumpAt, Outcome, Proof
 from service.requests import (
     AckRequest,
     ActReply,
+    ResetRequest,
     ServiceRequest,
     ShelveRequest,
     SuppressRequest,
@@ -168,6 +169,7 @@ _MODELS: tuple[BaseModel, ...] = (
         skipped=880,
     ),
     AckRequest(actor="anna"),
+    ResetRequest(actor="anna"),
     ShelveRequest(actor="anna", reason="dust from the repair", for_s=1800.0),
     UnshelveRequest(actor="anna"),
     ServiceRequest(actor="anna", state="out", reason="camera is being moved"),

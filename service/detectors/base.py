@@ -36,6 +36,9 @@ class FilterState:
 class Detector(Protocol):
     """The detector of one ROI with what changes from frame to frame."""
 
+    learns: bool
+    """Whether the next pictures may teach it what the background looks like; False while they are not fit."""
+
     @property
     def roi(self) -> Roi:
         """Its geometry."""

@@ -152,6 +152,7 @@ class JdtDetector:
     def __init__(self, config: JdtConfig, roi: Roi, learned: Learned | None) -> None:
         """Raises PriorMismatchError."""
         self.roi = roi
+        self.learns = True  # nothing, from frame to frame
         self._config = config
         self._likelihood = make_likelihood(config, learned)
         self._appearance = HistogramAppearance()

@@ -28,6 +28,19 @@ class Tracker(Protocol):
         """All objects after a BGR picture (h, w, 3), `dt` seconds after the last."""
 
 
+class GatedForeground:
+    """A background model that learns only while it may."""
+
+    def __init__(self, model: Foreground) -> None:
+        self._model = model
+        self.learns = True
+        """Whether the next pictures teach it anything."""
+
+    def apply(self, picture: Image, learn: bool = True) -> Image:
+        """The mask of a picture."""
+        return self._model.apply(picture, learn=learn and self.learns)
+
+
 def make_foreground(config: ImmPfConfig | JpdaConfig) -> Foreground:
     """The background model that the configuration asks for."""
     wanted = config.foreground

@@ -17,7 +17,7 @@ from service.config.trackers import ImmPfConfig, JpdaConfig
 from service.detection import DetectedObject, Detection
 from service.detectors.base import LONGEST_STEP_S, SHOWN_ABOVE, FilterState, StateMismatchError
 from service.detectors.filters import DEFAULT_INTERVAL_S, make_models, make_profile
-from service.detectors.tracker_parts import make_foreground, make_imm_pf, make_jpda
+from service.detectors.tracker_parts import GatedForeground, make_foreground, make_imm_pf, make_jpda
 
 BOX_SPREAD = 0.1
 """Standard deviation of a tracker's width and height, as a share: it states none."""
@@ -33,11 +33,20 @@ class TrackerDetector:
         self.roi = roi
         self._config = config
         self._rng = np.random.default_rng(config.seed)
-        self._foreground = make_foreground(config)
+        self._foreground = GatedForeground(make_foreground(config))
         self._outside = roi.mask == 0
         self._names = [model.name for model in config.models]
         self._last_id = self._id_offset = 0
         self.use(learned)
+
+    @property
+    def learns(self) -> bool:
+        """Whether the next pictures may teach the background model."""
+        return self._foreground.learns
+
+    @learns.setter
+    def learns(self, may: bool) -> None:
+        self._foreground.learns = may
 
     def use(self, learned: Learned | None) -> None:
         """Take another prior: all tracks start anew, the background stays. Raises PriorMismatchError."""

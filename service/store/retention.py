@@ -2,7 +2,7 @@
 
 An event goes when it is older than the days allow, or when the log holds too many. What stays whatever
 its age: the last event of each alarm (it is the alarm's state), and all since the raising of an alarm
-that is active or waits for acknowledgement.
+that is active, latched or waits for acknowledgement.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def _needed(db: Connection, last: Event) -> list[int]:
     """Numbers of the events of an alarm that must stay."""
     of_alarm = (last.roi, last.alarm_class.value)
     (newest,) = db.execute("SELECT max(number) FROM events WHERE roi = ? AND class = ?", of_alarm).fetchone()
-    if not (last.alarm.active or last.alarm.waits or last.alarm.held):
+    alarm = last.alarm
+    if not (alarm.active or alarm.waits or alarm.latched or alarm.held):
         return [int(newest)]
     (raised,) = db.execute(
         "SELECT max(number) FROM events WHERE roi = ? AND class = ? AND change IN ('raised', 'active')",

@@ -253,7 +253,7 @@ class MonitorMetrics(_FrameMetrics):
             self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
             self._blind.labels(camera, roi).set(1)
-            for request in ("ack", "shelve", "unshelve", "service", "suppress", "verdict"):
+            for request in ("ack", "reset", "shelve", "unshelve", "service", "suppress", "verdict"):
                 self._refused.labels(camera, roi, request)
             for alarm_class in AlarmClass:
                 for change in Change:

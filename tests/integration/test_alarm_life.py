@@ -206,7 +206,8 @@ def test_a_record_that_was_written_but_not_sent_comes_after_the_restart(tmp_path
 
 
 def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
-    with running(tmp_path, off_delay_s=0.3, shelve_max_s=3600.0, blind={"on_delay_s": 4.0}) as site:
+    blind = {"on_delay_s": 4.0, "needs_reset": True}
+    with running(tmp_path, off_delay_s=0.3, shelve_max_s=3600.0, blind=blind) as site:
         first = site.state()["sequence"]
         told = site.command("shelve", *TARGET, "--for", "30m", "--reason", "dust from the repair")
         assert told == "cam/apron lump: shelved, now SHELVED\n"
@@ -254,8 +255,11 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         site.wait_alarm("UNACKNOWLEDGED", of="blind_alarm")
         assert site.level()["blind"] == 1
         assert "acknowledged, now ACKNOWLEDGED" in site.command("ack", *TARGET, "--class", "blind")
+        assert "nothing to do, now ACKNOWLEDGED" in site.command("reset", *TARGET, "--class", "blind")
         site.feed.frozen = False
-        site.wait_alarm("NORMAL", of="blind_alarm")
+        site.wait_alarm("LATCHED", of="blind_alarm")
+        assert "reset, now NORMAL" in site.command("reset", *TARGET, "--class", "blind")
+        assert (site.events()[-1]["change"], site.events()[-1]["actor"]) == ("reset", "Ada")
 
         # What cannot be done is said in one line.
         for key, parameters, told in (
@@ -276,7 +280,7 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         assert "camera is being moved" in site.command("events", "--since", "1h")
         assert [one["sequence"] for one in events] == list(range(1, len(events) + 1))
         blind = [(one["change"], one["reason"]) for one in events if one["class"] == "blind"]
-        assert blind[-3:] == [("raised", "no_stream"), ("acknowledged", None), ("cleared", None)]
+        assert blind[-4:-1] == [("raised", "no_stream"), ("acknowledged", None), ("cleared", None)]
         records = site.follower.records(None)
         assert {one["id"] for one in records} == {one["id"] for one in events}
         assert len(records) == len(events)

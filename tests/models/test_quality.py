@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import cv2
@@ -19,6 +20,8 @@ from models.quality.slow import JumpWatch, SlowMedian
 from models.quality.still import Activity
 from models.quality.tail import lower_threshold, upper_threshold
 from models.roi import Image
+from service.feed.codec import ThinLink
+from service.feed.spec import FeedSpec
 
 SHAPE = (240, 320)
 MASK = np.ones(SHAPE, np.uint8)
@@ -127,13 +130,43 @@ def test_pictures_that_skip_until_the_key_frame_are_alive() -> None:
     assert run(pictures[:38]) > 1.0
 
 
-def test_activity_begins_anew_after_a_gap_and_with_another_size() -> None:
+def recoded(pictures: list[Image], crf: int) -> list[Image]:
+    """As they come from a recorder that codes them again, with a key frame each second."""
+    height, width = pictures[0].shape
+    link = ThinLink(FeedSpec(width=width, height=height, fps=5.0, h264_crf=crf))
+    return [np.asarray(link.through(one, k), np.uint8) for k, one in enumerate(pictures)]
+
+
+@pytest.mark.parametrize("crf", [20, 26, 32, 38])
+def test_a_frozen_picture_that_is_coded_again_comes_back_though_it_changes(crf: int) -> None:
+    shown = recoded([noisy(texture(), 2.0)] * 20, crf)
+    changes = [np.abs(a.astype(float) - b).mean() for a, b in pairwise(shown)]
+    assert max(changes) > 0.4  # more than the quietest sensor below
+    assert run(shown) == 0.0
+
+
+@pytest.mark.parametrize("sigma", [0.2, 0.5, 2.0])
+@pytest.mark.parametrize("crf", [26, 32])
+def test_a_still_scene_of_a_live_sensor_never_comes_back_however_it_is_coded(sigma: float, crf: int) -> None:
+    # A fifth of a grey level is less than any sensor has.
+    rough = noisy(texture(), 2.0)
+    assert run(recoded([noisy(rough, sigma, seed=k) for k in range(20)], crf)) > 0.3
+
+
+def test_a_picture_that_comes_again_after_others_is_not_new() -> None:
+    loop = [noisy(texture(), 1.0, seed=k % 4) for k in range(30)]
+    assert run(loop) == 0.0
+    long = [noisy(texture(), 1.0, seed=k % 40) for k in range(60)]  # eight seconds: as good as new
+    assert run(long) > 0.8
+
+
+def test_pictures_that_seldom_come_are_compared_and_another_size_begins_anew() -> None:
     activity = Activity(2.0)
     activity.add(0.0, texture())
     assert activity.add(0.2, texture(1)) is not None
-    assert activity.add(5.0, texture(2)) is None
-    assert activity.add(5.2, texture(2)) == 0.0
-    assert activity.add(5.4, texture(2, (120, 160))) is None
+    assert (activity.add(9.0, texture(2)) or 0.0) > 1.0
+    assert activity.add(18.0, texture(2)) == 0.0
+    assert activity.add(18.2, texture(2, (120, 160))) is None
 
 
 # Registration
@@ -279,6 +312,16 @@ def test_a_reference_finds_its_own_footage_fit_and_a_cover_strange() -> None:
     look = Looker(MASK).look(noisy(covered, 2.0))
     assert reference.pattern.strange(look) > reference.thresholds[Measure.STRANGE]
     assert set(reference.thresholds) == set(Measure)
+
+
+def test_ore_that_passed_once_is_not_strange_when_the_belt_stops_with_it() -> None:
+    samples = clip(120)
+    bare = texture(70)
+    bare[:, :100] = 60  # a third of the region without stones
+    look = Looker(MASK).look(noisy(bare, 2.0))
+    samples[70] = replace(samples[70], look=look)
+    reference = learn_region([samples], 1e-3, 2.0)
+    assert 0.2 < reference.pattern.strange(look) < reference.thresholds[Measure.STRANGE] < 0.5
 
 
 def test_a_belt_that_never_stopped_leaves_room_for_one_that_does() -> None:

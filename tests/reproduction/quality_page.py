@@ -13,7 +13,8 @@ _OPENING = """# Is the picture fit?
 
 `python -m tests.reproduction quality`: simulated cameras of both styles, {fps:g} pictures a second. A reference
 is learned from {learn:g} s of each kind of feed below (five by day, one by night) and judged on other stretches
-of the same cameras. Faults are laid over the standard feed for {fault:g} s.
+of the same cameras; a belt that stands is judged by a reference of {twice:g} s in which it ran all the time. Faults
+are laid over the standard feed for {fault:g} s.
 
 """
 
@@ -22,7 +23,7 @@ def page(clean: list[Clean], outcomes: list[Outcome], costs: dict[str, float]) -
     """docs/results/quality.md."""
     from tests.reproduction.quality import AFTER_S, FAULT_S, FPS, LEARN_S
 
-    parts = [_OPENING.format(fps=FPS, learn=LEARN_S, fault=FAULT_S)]
+    parts = [_OPENING.format(fps=FPS, learn=LEARN_S, twice=2 * LEARN_S, fault=FAULT_S)]
     parts.append("## Without a fault\n\n| feed | style | pictures | BLIND |\n|---|---|---|---|\n")
     total: Counter[str] = Counter()
     for one in clean:
@@ -38,7 +39,8 @@ def page(clean: list[Clean], outcomes: list[Outcome], costs: dict[str, float]) -
     )
     parts.append(
         "\n## Faults\n\nSeconds from the fault's first picture to BLIND for one of its reasons, and from its last one "
-        "until the region sees again. A small shift is not BLIND: the region follows.\n\n"
+        "until the region sees again. A small shift is not BLIND: the region follows. What is coded again has a key "
+        "frame each second, by so much later it may be found.\n\n"
         "![Time until each fault was found, against the stated time](../images/quality.png)\n\n"
         "| fault | style | found after | stated | said, in order | sees again after |\n|---|---|---|---|---|---|\n"
     )
