@@ -49,6 +49,15 @@ def _check_network(detector: DetectorConfig, where: str) -> None:
             raise ConfigError(f"{where}: {error}") from error
 
 
+def check_simulations(config: SiteConfig) -> None:
+    """Raises ConfigError for a simulated feed that asks for what there is not."""
+    for camera in config.cameras:
+        if camera.source.kind == "simulated":
+            from service.sources.simulated import spec_of  # the simulator, which no real site needs
+
+            spec_of(camera.source, camera.id)
+
+
 def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
     """What each ROI (camera, roi) will run on, in words.
 
