@@ -9,9 +9,9 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # What the metrics are checked against. Without its dependencies: its opencv-python would overwrite ours.
 ORACLE := trackeval==1.3.0
 
-# What some tests need beside Python: a third-party RTSP server, Prometheus' own checker, and the means to
-# lose packets and to step a clock.
-SYSTEM_PACKAGES := prometheus iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
+# What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, and
+# the means to lose packets and to step a clock.
+SYSTEM_PACKAGES := prometheus prometheus-alertmanager iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
 	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
 
 # What the tests of the container need on top. `make test` does not install it: with the base to build from

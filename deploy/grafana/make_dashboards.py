@@ -176,7 +176,10 @@ FLEET = (
     Panel(
         "Every crusher", "One row a region: purple cannot see, red has a lump, nothing means that nobody decides.",
         (
-            ('lumpwatch_roi_blind * 2 or lumpwatch_alarm_active{class="lump"}', "{{site}} {{camera}}/{{roi}}"),
+            (
+                'lumpwatch_roi_blind * 2 > 0 or max without (class) (lumpwatch_alarm_active{class="lump"})',
+                "{{site}} {{camera}}/{{roi}}",
+            ),
         ),
         kind="state-timeline", width=24, height=16, steps=((None, "green"), (1.0, "red"), (2.0, "purple")),
         names=((0.0, "clear", "green"), (1.0, "LUMP", "red"), (2.0, "BLIND", "purple")),
