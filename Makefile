@@ -19,7 +19,7 @@ SYSTEM_PACKAGES := prometheus prometheus-alertmanager iproute2 iptables libfaket
 ENGINE_PACKAGES := podman buildah runc catatonit debootstrap
 BASE ?= localhost/python:3.11-slim-bookworm
 
-.PHONY: help setup demo test quick container figures lint format bench reproduce docs lock sbom audit system base clean
+.PHONY: help setup demo test quick container figures pictures lint format bench reproduce docs lock sbom audit system base clean
 
 help: ## this list
 	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,6 +50,9 @@ container: setup base ## the image on a real engine: built, run, killed, upgrade
 
 figures: setup base ## what docs/deployment.md says of size, start, memory and gaps; as root
 	LUMPWATCH_TEST_BASE=$(BASE) $(BIN)/python -m tests.container.figures
+
+pictures: setup ## the pictures of docs/dashboards.md; needs Debian's prometheus and chromium
+	$(BIN)/python -m tests.integration.pictures
 
 # Where the image to build from is missing, it is made from Debian's packages.
 base:

@@ -43,13 +43,6 @@ def test_pages_and_tickets_go_to_their_receivers_and_what_follows_is_held_back(t
         assert manager.told("pages") == {("LumpwatchDown", ""), ("LumpwatchBlind", "of-b")}
         assert manager.told("tickets") == {("LumpwatchPriorOld", "of-b")}
 
-        # Blind because nobody decides: one page, for the cause.
-        manager.post([alert("LumpwatchSilent", "c:1", "of-c")])
-        wait_for("page", lambda: ("LumpwatchSilent", "of-c") in manager.told("pages"), 20)
-        manager.post([alert("LumpwatchBlind", "c:1", "of-c"), alert("LumpwatchBlind", "c:1", "of-d")])
-        wait_for("page", lambda: ("LumpwatchBlind", "of-d") in manager.told("pages"), 20)
-        assert ("LumpwatchBlind", "of-c") not in manager.told("pages")
-
         # The end is told as well.
         manager.post([alert("LumpwatchBlind", "b:1", "of-b", endsAt="2020-01-01T00:00:00Z")])
         wait_for("all clear", lambda: ("LumpwatchBlind", "of-b") in manager.told("pages", "resolved"), 30)

@@ -18,6 +18,7 @@ from tests.reproduction.difficulty.peers import calibration
 from tests.servers.process import RtspServer
 from tests.servers.prometheus import ALERTMANAGER, alertmanager, prometheus
 
+STOPPED = 'rate(lumpwatch_frames_processed_total{camera="crusher-2"}[30s]) == 0'
 CAMERAS = """\
   - id: crusher-1
     source: {{url: "sim:feed?lumps_per_minute=20&seed=5"}}
@@ -110,5 +111,10 @@ def test_every_panel_has_data_and_a_dead_camera_is_paged(
         assert len(asked.query(rows)) == 2
         assert row["crusher-2"] == 2.0
         assert row["crusher-1"] in (0.0, 1.0)
+        # It says that it is blind, and is not reported as dead on top.
+        wait_for("no frame for half a minute", lambda: asked.query(STOPPED), 60)
+        with contextlib.suppress(AssertionError):
+            wait_for("a second page", lambda: ("LumpwatchSilent", "crusher-2") in asked.firing(), 20)
+        assert ("LumpwatchSilent", "crusher-2") not in asked.firing()
         if manager is not None:
             wait_for("page", lambda: ("LumpwatchBlind", "crusher-2") in manager.told("pages"), 30)
