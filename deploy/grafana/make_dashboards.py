@@ -35,6 +35,8 @@ class Panel:
     most: float | None = None
 
 
+NOW = ("stat", "bargauge")
+"""Kinds of panel that show what is, and no course."""
 BLIND_STEPS = ((None, "green"), (1.0, "purple"))
 ALARM_STEPS = ((None, "green"), (1.0, "red"))
 YES_NO = ((0.0, "no", "green"), (1.0, "yes", "red"))
@@ -281,7 +283,15 @@ def _panel(panel: Panel, number: int, x: int, y: int) -> dict[str, Any]:
         "fieldConfig": {"defaults": defaults, "overrides": []},
         "options": {"colorMode": "background"} if panel.kind == "stat" else {},
         "targets": [
-            {"refId": chr(ord("A") + i), "expr": query, "legendFormat": legend, "datasource": SOURCE}
+            {
+                "refId": chr(ord("A") + i),
+                "expr": query,
+                "legendFormat": legend,
+                "datasource": SOURCE,
+                # Over a range, topk takes other series at every step.
+                "instant": panel.kind in NOW,
+                "range": panel.kind not in NOW,
+            }
             for i, (query, legend) in enumerate(panel.queries)
         ],
     }

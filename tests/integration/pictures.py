@@ -70,8 +70,9 @@ def draw(axes: Axes, panel: Mapping[str, Any], asked: Prometheus, start: float, 
     series = []
     for target in panel["targets"]:
         query = target["expr"].replace("$site", ".*").replace("$camera", ".*")
-        for one in asked.range(query, start, end, STEP_S):
-            points = [(float(at) - start, float(value)) for at, value in one["values"]]
+        for one in asked.query(query) if target["instant"] else asked.range(query, start, end, STEP_S):
+            values = one["values"] if "values" in one else [one["value"]]
+            points = [(float(at) - start, float(value)) for at, value in values]
             series.append((legend(target["legendFormat"], one["metric"]), points))
     if not series:
         axes.text(0.5, 0.5, defaults["noValue"], ha="center", transform=axes.transAxes, fontsize=8)

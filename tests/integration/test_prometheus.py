@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -59,6 +60,10 @@ def test_panels_say_what_they_show(name: str) -> None:
         assert not cells & places, f"{panel['title']} lies on another panel"
         assert max(x for x, _ in cells) < 24
         places |= cells
+        for target in panel["targets"]:
+            assert target["instant"] is not target["range"]
+            if re.search("topk|sort", target["expr"]) and panel["type"] != "timeseries":
+                assert target["instant"], "over a range these mean something else"
 
 
 @pytest.mark.slow
