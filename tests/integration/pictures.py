@@ -38,7 +38,7 @@ from tests.servers.process import RtspServer
 from tests.servers.prometheus import Prometheus, prometheus
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
-BEFORE_S, AFTER_S, STEP_S, CRUSHERS = 150.0, 40.0, 2.0, 40
+BEFORE_S, AFTER_S, STEP_S, CRUSHERS = 90.0, 40.0, 2.0, 40
 _ROW_INCHES = 0.27
 UNITS = {"s": "s", "hertz": "1/s", "percentunit": "share", "lengthmm": "mm", "short": ""}
 
@@ -183,6 +183,7 @@ def main() -> None:
                     if not fleet:
                         # Debian's package has the older pages only.
                         photograph(f"{asked.url}/classic/alerts", IMAGES / "prometheus_alerts.png")
+            shutil.rmtree(within)
 
 
 if __name__ == "__main__":
