@@ -97,7 +97,7 @@ sbom: setup ## what the image is made of, as CycloneDX, into build/sbom.json
 audit: setup ## known vulnerabilities of what the image is made of; needs the advisory service
 	$(BIN)/uv tool run pip-audit --strict --require-hashes --disable-pip --progress-spinner off \
 		--requirement deploy/container/requirements.lock || \
-		{ echo "audit: a vulnerability was found, or the advisory service at pypi.org cannot be asked (see above)"; exit 1; }
+		{ echo "audit: a vulnerability was found, or the advisory service cannot be asked (see above)"; exit 1; }
 
 system:
 	@if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \

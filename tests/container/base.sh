@@ -2,15 +2,15 @@
 # Makes, from Debian's packages alone, an image that stands in for python:3.11-slim-bookworm where no registry
 # of images can be reached. Needs root, debootstrap and podman; takes about a minute.
 #
-#   base.sh IMAGE [MIRROR]
+#   base.sh IMAGE [MIRROR_OF_DEBIAN]
 #
 # The machine's certificate authorities go with it, because the build downloads the dependencies.
 set -eu
-image=$1 mirror=${2:-http://deb.debian.org/debian}
+image=$1
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-debootstrap --variant=minbase --include=ca-certificates,python3,python3-venv bookworm "$work/root" "$mirror" >"$work/log" 2>&1 ||
+debootstrap --variant=minbase --include=ca-certificates,python3,python3-venv bookworm "$work/root" ${2:+"$2"} >"$work/log" 2>&1 ||
     { tail -n 5 "$work/log" >&2; exit 1; }
 if [ -r /etc/ssl/certs/ca-certificates.crt ]; then
     cp -L /etc/ssl/certs/ca-certificates.crt "$work/root/etc/ssl/certs/ca-certificates.crt"
