@@ -4,7 +4,7 @@
 #   docker run --read-only --cap-drop ALL --security-opt no-new-privileges --shm-size 64m \
 #       --tmpfs /tmp -v lumpwatch:/var/lib/lumpwatch -v ./site.yaml:/etc/lumpwatch/site.yaml:ro lumpwatch
 #
-# BASE can be any image with Python 3.11 or newer and glibc; sites with a mirror name theirs.
+# BASE can be any image with Python 3.11 or newer, its venv module and glibc; sites with a mirror name theirs.
 ARG BASE=docker.io/library/python:3.11-slim-bookworm
 
 FROM ${BASE} AS build
@@ -36,7 +36,8 @@ LABEL org.opencontainers.image.title="lumpwatch" \
       org.opencontainers.image.revision="${REVISION}" \
       org.opencontainers.image.created="${CREATED}"
 # Nothing can be installed into what runs.
-RUN python3 -m pip uninstall --yes --quiet --root-user-action ignore pip setuptools wheel
+RUN if python3 -m pip --version >/dev/null 2>&1; then \
+        python3 -m pip uninstall --yes --quiet --root-user-action ignore pip setuptools wheel; fi
 COPY --from=build /opt/lumpwatch /opt/lumpwatch
 COPY --from=build --chown=10001:10001 /empty/var/lib/lumpwatch /var/lib/lumpwatch
 # Compiled kernels stay in the store's volume: the first start takes some seconds longer than the next.

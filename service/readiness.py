@@ -15,12 +15,17 @@ SHARED_MEMORY_MIB = 36
 
 
 def check_shared_memory(config: SiteConfig, folder: Path = SHARED_MEMORY) -> None:
-    """Raises ConfigError where frames are to travel through shared memory and it is too small for that.
+    """Raises ConfigError where frames are to travel through shared memory and it is closed or too small.
 
     Containers have 64 MiB of it unless told otherwise.
     """
     if not config.bus.shared_memory or not folder.exists():
         return
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ConfigError(
+            f"bus.shared_memory: {folder} cannot be written by user {os.getuid()}; "
+            "give it to that user (mode 1777), or set bus.shared_memory: false"
+        )
     size = os.statvfs(folder)
     has, needs = (size.f_blocks * size.f_frsize) >> 20, SHARED_MEMORY_MIB * len(config.cameras)
     if has < needs:
@@ -47,6 +52,15 @@ def _check_network(detector: DetectorConfig, where: str) -> None:
             make_network(detector.likelihood)
         except ConfigError as error:
             raise ConfigError(f"{where}: {error}") from error
+
+
+def check_simulations(config: SiteConfig) -> None:
+    """Raises ConfigError for a simulated feed that asks for what there is not."""
+    for camera in config.cameras:
+        if camera.source.kind == "simulated":
+            from service.sources.simulated import spec_of  # the simulator, which no real site needs
+
+            spec_of(camera.source, camera.id)
 
 
 def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:

@@ -202,6 +202,18 @@ def test_check(capsys: Captured, config: Path) -> None:
     assert all(word in told for word in ("pit", "cam", "apron", "jdt", "version 1"))
 
 
+def test_check_refuses_a_simulation_that_does_not_exist(capsys: Captured, tmp_path: Path) -> None:
+    tree = site_tree()
+    tree["cameras"][0]["source"]["url"] = "sim:feed?no_such=1"
+    file = tmp_path / "site.yaml"
+    file.write_text(json.dumps(tree))
+    for command in ("check", "run"):
+        assert main([command, str(file)]) == 2
+        told = capsys.readouterr().err.strip().splitlines()[-1]
+        assert "camera cam: " in told
+        assert "no_such" in told
+
+
 def test_check_tells_of_a_damaged_prior(
     capsys: Captured, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

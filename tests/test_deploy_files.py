@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from deploy.kubernetes.make_rules import TARGET, text
 from service.config import parse
 from service.deployment.bundle import CONFIG, USER
 from service.readiness import SHARED_MEMORY_MIB
@@ -103,7 +105,9 @@ def rendered() -> list[dict[str, Any]]:
 
 def test_kubernetes_objects_are_valid_by_the_schema(rendered: list[dict[str, Any]]) -> None:
     validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
-    own = [one for one in rendered if one["kind"] not in ("ServiceMonitor", "Kustomization")]
+    own = [
+        one for one in rendered if one["kind"] not in ("ServiceMonitor", "PrometheusRule", "Kustomization")
+    ]
     assert {one["kind"] for one in own} >= {"StatefulSet", "Service", "PodDisruptionBudget", "NetworkPolicy"}
     for one in own:
         validate.validate(one, validate.latest_version(), strict=True)
@@ -176,6 +180,35 @@ def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None
     services = [one for one in rendered if one["kind"] == "Service"]
     wanted = monitor["spec"]["selector"]["matchLabels"]
     assert all(wanted.items() <= one["metadata"]["labels"].items() for one in services)
+    assert {endpoint["port"] for endpoint in monitor["spec"]["endpoints"]} == {"metrics"}
+    # What the rules and dashboards select by.
+    (scrape,) = read(ROOT / "deploy/prometheus/prometheus.yml")["scrape_configs"]
+    assert {one["metadata"]["labels"][monitor["spec"]["jobLabel"]] for one in services} == {
+        scrape["job_name"]
+    }
+    (relabeling,) = monitor["spec"]["endpoints"][0]["relabelings"]
+    assert relabeling["targetLabel"] == "site"
+    assert {one["metadata"]["namespace"] for one in services} == {"north-pit"}
+
+
+def test_the_operator_gets_the_same_rules() -> None:
+    assert TARGET.read_text() == text()
+    spec = read(TARGET)["spec"]
+    files = sorted((ROOT / "deploy/prometheus/rules").glob("*.yml"))
+    assert spec["groups"] == [group for file in files for group in read(file)["groups"]]
+
+
+def test_what_the_image_is_made_of_is_written_down(tmp_path: Path) -> None:
+    """`make sbom`: every locked package of the image is in it, with its version."""
+    done = subprocess.run(["make", "sbom"], cwd=ROOT, capture_output=True, text=True, timeout=170)
+    if done.returncode:
+        pytest.skip(f"cyclonedx-bom cannot be run: {done.stderr.strip().splitlines()[-1]}")
+    made = json.loads((ROOT / "build/sbom.json").read_text())
+    assert made["bomFormat"] == "CycloneDX"
+    lock = (ROOT / "deploy/container/requirements.lock").read_text()
+    locked = dict(re.findall(r"^([\w.-]+)==([^\s;]+)", lock, re.MULTILINE))
+    assert {one["name"]: one["version"] for one in made["components"]} == locked
+    assert {"numba", "eclipse-zenoh", "pydantic"} <= set(locked)
 
 
 def test_the_dockerfile_is_clean() -> None:

@@ -35,6 +35,7 @@ class Case:
 
 DECIDES = f"lumpwatch_frames_processed_total{{{R}}}"
 SEES = f"lumpwatch_roi_blind{{{R}}}"
+LIP_DECIDES, LIP_SEES = (one.replace('roi="apron"', 'roi="lip"') for one in (DECIDES, SEES))
 RECEIVED, DROPPED = (
     f"lumpwatch_frames_received_total{{{L}}}",
     f'lumpwatch_frames_dropped_total{{{L},reason="skipped"}}',
@@ -44,7 +45,11 @@ CASES = {
     "LumpwatchDown": Case({f"up{{{L}}}": "1 1 0x20"}, {f"up{{{L}}}": "1 0 1x20"}),
     "LumpwatchNotScraped": Case({'up{job="other"}': "1x20"}, {f"up{{{L}}}": "0x20"}),
     "LumpwatchBlind": Case({SEES: "0 0 1x20"}, {SEES: "0 1 0x20"}),
-    "LumpwatchSilent": Case({DECIDES: "0+150x3 450x20", SEES: "0x30"}, {DECIDES: "0+150x30", SEES: "0x30"}),
+    # Who says that it is blind is not silent: the camera is gone, and LumpwatchBlind tells of it.
+    "LumpwatchSilent": Case(
+        {DECIDES: "0+150x3 450x20", SEES: "0x30"},
+        {DECIDES: "0+150x30", SEES: "0x30", LIP_DECIDES: "450x30", LIP_SEES: "0 1x30"},
+    ),
     "LumpwatchLumpUnacknowledged": Case(
         {f"lumpwatch_alarm_unacknowledged{{{LUMP}}}": "0 1x20"},
         {f"lumpwatch_alarm_unacknowledged{{{LUMP}}}": "0 1 1 0x20"},

@@ -35,6 +35,8 @@ class Panel:
     most: float | None = None
 
 
+NOW = ("stat", "bargauge")
+"""Kinds of panel that show what is, and no course."""
 BLIND_STEPS = ((None, "green"), (1.0, "purple"))
 ALARM_STEPS = ((None, "green"), (1.0, "red"))
 YES_NO = ((0.0, "no", "green"), (1.0, "yes", "red"))
@@ -131,11 +133,13 @@ ENGINEERING = (
         kind="stat", steps=((None, "orange"), (1.0, "green")),
     ),
     Panel(
-        "Connection to the camera", "1 while the source delivers frames; failures by reason.",
-        (
-            (f"lumpwatch_source_connected{{{ROI}}}", "{{camera}} connected"),
-            (f"increase(lumpwatch_source_failures_total{{{ROI}}}[5m])", "{{camera}} {{reason}}"),
-        ),
+        "Connected to the camera", "Whether the source delivers frames.",
+        ((f"lumpwatch_source_connected{{{ROI}}}", "{{camera}}"),), kind="state-timeline",
+        steps=((None, "red"), (1.0, "green")), names=((0.0, "no", "red"), (1.0, "yes", "green")),
+    ),
+    Panel(
+        "Failures of the connection", "Ended connections and failed attempts in five minutes, by reason.",
+        ((f"increase(lumpwatch_source_failures_total{{{ROI}}}[5m])", "{{camera}} {{reason}}"),),
     ),
     Panel(
         "Restarts of processes", "Worker processes that were started again in five minutes.",
@@ -170,26 +174,29 @@ FLEET = (
     ),
     Panel(
         "Lumps in the last day", "Lump alarms raised, over the fleet.",
-        ((f"sum(increase({RAISED}}}[1d]))", "lumps"),),
+        ((f"round(sum(increase({RAISED}}}[1d])))", "lumps"),),
         kind="stat", width=6, height=5,
     ),
     Panel(
         "Every crusher", "One row a region: purple cannot see, red has a lump, nothing means that nobody decides.",
         (
-            ('lumpwatch_roi_blind * 2 or lumpwatch_alarm_active{class="lump"}', "{{site}} {{camera}}/{{roi}}"),
+            (
+                'lumpwatch_roi_blind * 2 > 0 or max without (class) (lumpwatch_alarm_active{class="lump"})',
+                "{{site}} {{camera}}/{{roi}}",
+            ),
         ),
-        kind="state-timeline", width=24, height=16, steps=((None, "green"), (1.0, "red"), (2.0, "purple")),
+        kind="state-timeline", width=24, height=24, steps=((None, "green"), (1.0, "red"), (2.0, "purple")),
         names=((0.0, "clear", "green"), (1.0, "LUMP", "red"), (2.0, "BLIND", "purple")),
     ),
     Panel(
-        "Lumps by crusher, last day", "Where the large lumps come from.",
-        ((f"sort_desc(sum by (site, camera) (increase({RAISED}}}[1d])))", "{{site}} {{camera}}"),),
+        "Most lumps, last day", "The ten crushers with the most lump alarms.",
+        ((f"sort_desc(topk(10, sum by (site, camera) (increase({RAISED}}}[1d]))))", "{{site}} {{camera}}"),),
         kind="bargauge",
     ),
     Panel(
-        "Blind share by crusher, last day", "Which cameras need care.",
-        (("sort_desc(avg_over_time(lumpwatch_roi_blind[1d]))", "{{site}} {{camera}}/{{roi}}"),),
-        unit="percentunit", kind="bargauge", most=1.0,
+        "Blind the longest, last day", "The ten regions that could not judge for the largest share of the day.",
+        (("sort_desc(topk(10, avg_over_time(lumpwatch_roi_blind[1d])))", "{{site}} {{camera}}/{{roi}}"),),
+        unit="percentunit", kind="bargauge", most=1.0, steps=((None, "green"), (0.05, "purple")),
     ),
     Panel(
         "Slowest decisions", "99th percentile from frame to decision, the ten slowest.",
@@ -276,7 +283,15 @@ def _panel(panel: Panel, number: int, x: int, y: int) -> dict[str, Any]:
         "fieldConfig": {"defaults": defaults, "overrides": []},
         "options": {"colorMode": "background"} if panel.kind == "stat" else {},
         "targets": [
-            {"refId": chr(ord("A") + i), "expr": query, "legendFormat": legend, "datasource": SOURCE}
+            {
+                "refId": chr(ord("A") + i),
+                "expr": query,
+                "legendFormat": legend,
+                "datasource": SOURCE,
+                # Over a range, topk takes other series at every step.
+                "instant": panel.kind in NOW,
+                "range": panel.kind not in NOW,
+            }
             for i, (query, legend) in enumerate(panel.queries)
         ],
     }

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from service.cli.common import Commands, add_command
 from service.config import load
-from service.readiness import check_priors
+from service.readiness import check_priors, check_simulations
 
 
 def add(commands: Commands) -> None:
@@ -28,6 +28,7 @@ def add(commands: Commands) -> None:
 def check(arguments: argparse.Namespace) -> int:
     """Run the command."""
     config = load(arguments.config)
+    check_simulations(config)
     table = Table(title=f"{config.site}: configuration is valid")
     for heading in ("camera", "source", "roi", "detector", "prior"):
         table.add_column(heading)

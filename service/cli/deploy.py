@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from service.deployment.engine import DockerEngine
 
 IMAGE = "lumpwatch:latest"
+_WIDE = 240
 
 
 def add(commands: Commands) -> None:
@@ -125,13 +126,14 @@ def status(arguments: argparse.Namespace) -> int:
     problems = engine.health(rollout.current) if current is not None and current.running else None
     table = Table()
     for heading in ("container", "state", "image", "configuration", "started"):
-        table.add_column(heading)
+        table.add_column(heading, overflow="fold")
     for row in rows:
         if row is not None:
             table.add_row(*_cells(row))
     if current is None:
         raise DeployError(f"{rollout.current}: no such container; start it by lumpwatch deploy up")
-    Console().print(table)
+    # A pipe has no width: there nothing is cut off or broken.
+    Console(width=None if sys.stdout.isatty() else _WIDE).print(table)
     for problem in ["it does not answer"] if problems is None else problems:
         _say(f"not ready: {problem}")
     if problems == []:

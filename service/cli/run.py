@@ -11,7 +11,7 @@ from service.config import load
 from service.daemon import Addresses
 from service.daemon import run as run_daemon
 from service.logs import log_to_stderr
-from service.readiness import check_priors, check_shared_memory
+from service.readiness import check_priors, check_shared_memory, check_simulations
 
 log = logging.getLogger(__name__)
 
@@ -43,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
         camera_of(config, camera_id)
     log_to_stderr()
     check_shared_memory(config)
+    check_simulations(config)
     for (camera_id, roi_id), note in check_priors(config).items():
         log.info("%s/%s: prior %s", camera_id, roi_id, note)
     roles = (arguments.only,) if arguments.only else ("camera", "monitor")

@@ -18,6 +18,8 @@ from service.deployment.plan import Found, cause
 
 _LABEL = "io.lumpwatch."
 _STOP_S = 15
+_SAID = 400
+"""How much of an engine's words is repeated."""
 _LOG = {"type": "json-file", "config": {"max-size": "10m", "max-file": "3"}}
 
 
@@ -76,7 +78,9 @@ class DockerEngine:
             )
         except docker.errors.BuildError as error:
             said = [str(line["stream"]).strip() for line in error.build_log if line.get("stream")]
-            raise DeployError(f"{folder}: build failed: {_one_line([*said[-2:], str(error)])}") from error
+            # The end of it has the cause; the error itself only repeats the whole instruction.
+            told = " ".join(" ".join(said[-3:] or [str(error)]).split())
+            raise DeployError(f"{folder}: build failed: {told[-_SAID:]}") from error
         except (docker.errors.DockerException, requests.RequestException, TypeError) as error:
             raise DeployError(f"{folder}: cannot be built ({_reason(error)})") from error
         return str(image.id)
@@ -239,4 +243,4 @@ def _reason(error: Exception) -> str:
 
 
 def _one_line(lines: list[str]) -> str:
-    return " ".join(" ".join(lines).split())[:400]
+    return " ".join(" ".join(lines).split())[:_SAID]

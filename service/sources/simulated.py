@@ -30,7 +30,7 @@ class SimulatedSource:
     ) -> None:
         self._pace = config.pace
         self._monotonic, self._wall, self._sleep = monotonic, wall, sleep
-        self._spec = _spec(config, camera_id)
+        self._spec = spec_of(config, camera_id)
         self._simulator: FeedSimulator | None = None
         self._start_s = 0.0
         self._index = 0
@@ -87,7 +87,8 @@ class SimulatedSource:
         return None if self._spec.seconds is None else max(round(self._spec.seconds * self._spec.fps), 1)
 
 
-def _spec(config: SourceConfig, camera_id: str) -> FeedSpec:
+def spec_of(config: SourceConfig, camera_id: str) -> FeedSpec:
+    """What the camera's URL asks to be simulated. Raises ConfigError for what there is not."""
     name, _, query = config.url.get_secret_value().partition("?")
     if name != "sim:feed":
         raise ConfigError(f"camera {camera_id}: url: unknown simulation '{name}', expected sim:feed")

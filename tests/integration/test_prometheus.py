@@ -4,28 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import shutil
-import subprocess
-import urllib.parse
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
-from ruamel.yaml import YAML
 
-from deploy.grafana.make_dashboards import DASHBOARDS, HERE, dashboard, text
+from deploy.grafana.make_dashboards import DASHBOARDS, FLEET, HERE, dashboard, text
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
 from tests.integration.conftest import PRIOR
-from tests.integration.site import Daemon, free_port, wait_for
+from tests.integration.site import Daemon, wait_for
 from tests.reproduction.difficulty.peers import calibration
 from tests.servers.process import RtspServer
+from tests.servers.prometheus import ALERTMANAGER, alertmanager, prometheus
 
-PROMETHEUS = Path(__file__).parents[2] / "deploy" / "prometheus"
-
+STOPPED = 'rate(lumpwatch_frames_processed_total{camera="crusher-2"}[30s]) == 0'
 CAMERAS = """\
   - id: crusher-1
     source: {{url: "sim:feed?lumps_per_minute=20&seed=5"}}
@@ -41,58 +35,6 @@ CAMERAS = """\
         polygon: {polygon}
         detector: {{working_size_px: 160}}
 """
-
-
-class Prometheus:
-    """Asks a running server."""
-
-    def __init__(self, port: int) -> None:
-        self._url = f"http://127.0.0.1:{port}/api/v1"
-
-    def query(self, expression: str) -> list[dict[str, Any]]:
-        text = urllib.parse.urlencode({"query": expression})
-        with urllib.request.urlopen(f"{self._url}/query?{text}", timeout=10) as answer:
-            found: list[dict[str, Any]] = json.load(answer)["data"]["result"]
-            return found
-
-    def firing(self) -> set[tuple[str, str]]:
-        with urllib.request.urlopen(f"{self._url}/alerts", timeout=10) as answer:
-            return {
-                (one["labels"]["alertname"], one["labels"].get("camera", ""))
-                for one in json.load(answer)["data"]["alerts"]
-                if one["state"] == "firing"
-            }
-
-
-@contextmanager
-def prometheus(folder: Path, target: int) -> Iterator[Prometheus]:
-    """Prometheus with the configuration of `deploy/`, in a hurry: every period is two seconds."""
-    config = YAML(typ="safe").load(PROMETHEUS / "prometheus.yml")
-    config["global"] = {"scrape_interval": "2s", "evaluation_interval": "2s"}
-    config["alerting"] = {}
-    shutil.copytree(PROMETHEUS / "rules", folder / "rules")
-    (folder / "targets").mkdir()
-    (folder / "targets" / "site.yml").write_text(
-        json.dumps([{"targets": [f"127.0.0.1:{target}"], "labels": {"site": "test"}}])
-    )
-    (folder / "prometheus.yml").write_text(json.dumps(config))
-    port = free_port()
-    with (folder / "prometheus.log").open("wb") as log:
-        process = subprocess.Popen(
-            [
-                "prometheus",
-                f"--config.file={folder}/prometheus.yml",
-                f"--storage.tsdb.path={folder}/data",
-                f"--web.listen-address=127.0.0.1:{port}",
-            ],
-            stdout=log,
-            stderr=log,
-        )
-    try:
-        yield Prometheus(port)
-    finally:
-        process.terminate()
-        process.wait(timeout=20)
 
 
 def test_the_dashboards_are_those_that_the_program_makes() -> None:
@@ -118,6 +60,10 @@ def test_panels_say_what_they_show(name: str) -> None:
         assert not cells & places, f"{panel['title']} lies on another panel"
         assert max(x for x, _ in cells) < 24
         places |= cells
+        for target in panel["targets"]:
+            assert target["instant"] is not target["range"]
+            if re.search("topk|sort", target["expr"]) and panel["type"] != "timeseries":
+                assert target["instant"], "over a range these mean something else"
 
 
 @pytest.mark.slow
@@ -141,11 +87,13 @@ def test_every_panel_has_data_and_a_dead_camera_is_paged(
         )
         daemon = Daemon(tmp_path, cameras)
         # Without a prior no speed is sure enough to tell the seconds to the lip.
-        target = ("--camera", "crusher-1", "--roi", "apron")
-        imported = daemon.command("priors", "import", str(daemon.config), str(PRIOR), *target)
+        region = ("--camera", "crusher-1", "--roi", "apron")
+        imported = daemon.command("priors", "import", str(daemon.config), str(PRIOR), *region)
         assert imported.returncode == 0, imported.stderr
         stack.enter_context(daemon)
-        asked = stack.enter_context(prometheus(tmp_path, daemon.port))
+        manager = stack.enter_context(alertmanager(tmp_path)) if ALERTMANAGER else None
+        target = {"targets": [f"127.0.0.1:{daemon.port}"], "labels": {"site": "test"}}
+        asked = stack.enter_context(prometheus(tmp_path, [target], manager.url if manager else None))
         wait_for("ready", lambda: daemon.ready, 120)
 
         def all_answered() -> bool:
@@ -162,3 +110,16 @@ def test_every_panel_has_data_and_a_dead_camera_is_paged(
         wait_for("failures", lambda: all(asked.query(one) for one in failures), 60)
         wait_for("page", lambda: ("LumpwatchBlind", "crusher-2") in asked.firing(), 60)
         assert ("LumpwatchBlind", "crusher-1") not in asked.firing()
+        # One row a region on the fleet's page, whichever of the two speaks.
+        (rows,) = (one for panel in FLEET if panel.kind == "state-timeline" for one, _ in panel.queries)
+        row = {one["metric"]["camera"]: float(one["value"][1]) for one in asked.query(rows)}
+        assert len(asked.query(rows)) == 2
+        assert row["crusher-2"] == 2.0
+        assert row["crusher-1"] in (0.0, 1.0)
+        # It says that it is blind, and is not reported as dead on top.
+        wait_for("no frame for half a minute", lambda: asked.query(STOPPED), 60)
+        with contextlib.suppress(AssertionError):
+            wait_for("a second page", lambda: ("LumpwatchSilent", "crusher-2") in asked.firing(), 20)
+        assert ("LumpwatchSilent", "crusher-2") not in asked.firing()
+        if manager is not None:
+            wait_for("page", lambda: ("LumpwatchBlind", "crusher-2") in manager.told("pages"), 30)

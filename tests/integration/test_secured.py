@@ -9,6 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from service.bus.keys import Keys
+from service.bus.session import open_client
+from service.cli.alarms import as_client
+from service.config import load
+from service.config.bus import TlsConfig
 from tests.integration.site import LUMPWATCH, Daemon, wait_for
 from tests.test_bus_access import make
 
@@ -62,7 +67,32 @@ def test_a_secured_daemon_obeys_its_operators_alone(tmp_path: Path, monkeypatch:
         assert seen.returncode == 0, seen.stderr
         assert '"change":"raised"' in seen.stdout.replace(" ", "")
 
+        # The alarm that waits: not for the guest to acknowledge, nor to forge another.
         target = ("--camera", "crusher-1", "--roi", "apron")
+        alarm = Keys("test").alarm("crusher-1", "apron")
+        acknowledged = ("lumpwatch_alarm_transitions_total", {"class": "lump", "reason": "acknowledged"})
+        denied = run("guest", daemon, "ack", *target, "--actor", "guest")
+        assert denied.returncode == 1
+        assert "allowed" in denied.stderr
+        bus = load(daemon.config).bus
+        tls = TlsConfig(
+            ca=certificates / "ca.pem", certificate=certificates / "guest.pem", key=certificates / "guest.key"
+        )
+        heard: list[bytes] = []
+        with open_client(as_client(bus)) as reader:
+            reader.subscribe_alarms(alarm, lambda _, payload: heard.append(payload))
+            wait_for("the alarms so far", lambda: heard, 20)
+            with open_client(as_client(bus.model_copy(update={"tls": tls}))) as forger:
+                for _ in range(5):
+                    forger.alarm_publisher(alarm).put(b"forged")
+            before = len(heard)
+            wait_for("a real one after it", lambda: len(heard) > before, 60)
+        assert b"forged" not in heard
+        assert daemon.metric(acknowledged[0], **acknowledged[1]) == 0
+        obeyed = run("anna", daemon, "ack", *target, "--actor", "anna")
+        assert obeyed.returncode == 0, obeyed.stderr
+        wait_for("acknowledged", lambda: daemon.metric(acknowledged[0], **acknowledged[1]) >= 1, 20)
+
         shelve = ("shelve", *target, "--for", "60", "--reason", "test")
         refused = run("guest", daemon, *shelve, "--actor", "guest")
         assert refused.returncode == 1

@@ -1,0 +1,1 @@
+"""Kubernetes objects; only the maker of the rules is Python."""
