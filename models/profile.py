@@ -77,15 +77,17 @@ def around_limit(profile: RowProfile, limit_px: NDArray[np.float64]) -> RowProfi
     """The profile with the sizes of what lies around a limit: `limit_px` (h,) is its side by row, px.
 
     What was learned of the ratio of width to height stays. A handful of labelled lumps shows neither the
-    smallest nor the largest that will come; the limit does.
+    smallest nor the largest that will come; the limit does. Where the usual sizes lie beyond what follows from
+    it, up to one standard deviation above them is looked for as well.
     """
     mean, spread = profile.mean.copy(), profile.spread.copy()
     rows = profile.first_row + profile.row_step * np.arange(len(mean))
     limit = np.log(np.interp(rows, np.arange(len(limit_px)) + 0.5, limit_px))
-    middle = limit + 0.5 * (np.log(SMALLEST) + np.log(LARGEST))
-    half_aspect = 0.5 * (mean[:, 2] - mean[:, 3])
+    usual = 0.5 * (mean[:, 2] + mean[:, 3]) + spread[:, 2:].max(axis=1)
+    low, high = limit + np.log(SMALLEST), np.maximum(limit + np.log(LARGEST), usual)
+    middle, half_aspect = 0.5 * (low + high), 0.5 * (mean[:, 2] - mean[:, 3])
     mean[:, 2], mean[:, 3] = middle + half_aspect, middle - half_aspect
-    spread[:, 2:] = 0.5 * (np.log(LARGEST) - np.log(SMALLEST)) / SIZE_LIMIT
+    spread[:, 2:] = (0.5 * (high - low) / SIZE_LIMIT)[:, None]
     return RowProfile(profile.first_row, profile.row_step, mean, spread, min(profile.aspect_spread, ASPECT))
 
 

@@ -32,6 +32,7 @@ def _entry(
 ) -> Image:
     """The part of the region that is as far from the lip as a lump at the limit is large, and farther.
 
+    On a belt that is short for such lumps it reaches nearer to the lip.
     What is first seen beyond that can no longer be announced in time, and ore that falls off the belt, in its
     dust, looks like large lumps of every shape.
     """
@@ -42,11 +43,15 @@ def _entry(
     place = np.stack([roi.x + x / roi.scale, roi.y + y / roi.scale], axis=-1)
     normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
     side = np.sign((np.mean(np.array(known) * size, axis=0) - a) @ normal)
-    left = side * ((place - a) @ normal) * roi.scale - limit_px[:, None]
-    entry = roi.mask * (left > 0).astype(np.uint8)
-    if not entry.any():
-        raise ValueError("calibration: the region lies beyond the lip")
-    return entry
+    left = side * ((place - a) @ normal) * roi.scale
+    belt = roi.mask * (left > 0).astype(np.uint8)
+    if not belt.any():
+        return roi.mask  # a region that shows the fall only
+    for lengths in (1.0, 0.5):
+        entry = belt * (left > lengths * limit_px[:, None]).astype(np.uint8)
+        if 3 * entry.sum() >= belt.sum():
+            return entry
+    return belt
 
 
 def _limit_px(roi: Roi, plane: BeltPlane, limit_mm: float) -> NDArray[np.float64]:

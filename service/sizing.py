@@ -39,6 +39,8 @@ class Looks:
     equivalent: float = 0.0
     variance: float = 0.0
     """Sum of the variances of the log."""
+    on_the_way: bool = False
+    """Whether it was seen before the lip."""
 
 
 class Sizer:
@@ -91,6 +93,7 @@ class Sizer:
             and one.x + one.w < self._size[0] - 1
             and one.y + one.h < self._size[1] - 1
         )
+        looks.on_the_way |= found.distance_m.value > 0
         if whole and found.distance_m.value > 0:
             looks.frames += 1
             looks.longest += log(SHAPE_FACTOR * found.longest_mm.value)
@@ -107,8 +110,8 @@ class Sizer:
             lip_spread_s=None if lip is None else lip.spread,
         )
         if looks.frames == 0:
-            # Not yet seen whole: it counts, unless it was first seen at the lip, too late for any warning.
-            return replace(size, over_limit=float(found.distance_m.value > 0.0))
+            # Not yet seen whole: it counts, unless it was only seen at the lip, too late for any warning.
+            return replace(size, over_limit=float(looks.on_the_way))
         mean = looks.longest / looks.frames
         independent = min(1.0 + (looks.last_s - looks.first_s) / LOOK_S, looks.frames, MOST_LOOKS)
         spread = sqrt(SHAPE_SPREAD**2 + looks.variance / looks.frames / independent)

@@ -155,7 +155,7 @@ def test_a_recording_gives_the_alarms_of_the_pipeline() -> None:
 
 
 def test_a_calibrated_camera_is_judged_by_size() -> None:
-    """Of an object that is far below the limit the filter is sure, but the alarm would not be."""
+    """An object of 0.9 m raises the alarm where the limit lies below it, and none where it lies far above."""
     corners = np.array([(-1200.0, 500.0), (1200.0, 500.0), (1200.0, 5500.0), (-1200.0, 5500.0)])
     scale = HEIGHT / FeedSpec().height  # the simulated camera, in a smaller and wider picture
     margin = ((WIDTH - scale * FeedSpec().width) / 2, 0.0)
@@ -170,13 +170,12 @@ def test_a_calibrated_camera_is_judged_by_size() -> None:
         "lip": relative([(-900.0, 6000.0), (900.0, 6000.0)]),
     }
     highest = []
-    for limit_mm in (10.0, 5000.0):
+    for limit_mm in (600.0, 1400.0):
         tree = site_tree()
         tree["cameras"][0]["rois"][0]["calibration"] = {**belt, "limit_mm": limit_mm}
         config = Setup("site.yaml", site(tree).cameras[0], prior())
         frames = (frame(k, bright=k > 5) for k in range(25))
         made = record_frames(config, frames, Path("clip.mp4"))
-        assert len(made.boxes) > 5
         highest.append(made.alarming.max())
     assert highest[0] > 0.9
     assert highest[1] < 0.5

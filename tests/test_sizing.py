@@ -102,6 +102,15 @@ def test_what_has_no_size_yet_counts_as_too_large() -> None:
     assert Sizer(calibration(), WIDTH, HEIGHT).measure(Detection(0.4, ()), 0.0).oversize == pytest.approx(0.4)
 
 
+def test_what_is_first_seen_at_the_lip_comes_too_late_to_be_announced() -> None:
+    """Nobody saw it whole before; one that was measured on its way keeps its size at the lip."""
+    sizer = Sizer(calibration(), WIDTH, HEIGHT)
+    at_the_lip = seen(5900, 1000)
+    assert sizer.measure(Detection(0.9, (at_the_lip,)), 0.0).oversize == pytest.approx(0.0)
+    sizer.measure(Detection(0.9, (seen(3000, 1000, 2),)), 1.0)
+    assert sizer.measure(Detection(0.9, (replace(at_the_lip, id=2),)), 3.0).oversize == pytest.approx(0.9)
+
+
 def test_a_small_rock_does_not_alarm_however_sure_it_is() -> None:
     found = Sizer(calibration(), WIDTH, HEIGHT).measure(
         Detection(0.999, (seen(3000, 250, existence=0.999),)), 0.0

@@ -68,6 +68,17 @@ def test_sizes_around_a_limit_reach_from_the_smallest_to_the_largest_of_interest
     assert profile.aspect_spread == ASPECT
 
 
+def test_usual_sizes_beyond_the_limit_are_looked_for_too() -> None:
+    """A limit of 4 px where lumps are 20 x 10 px, one standard deviation of the width being 0.2."""
+    mean, spread = around_limit(SLOPING, np.full(200, 4.0)).at(np.array([70.0]))
+    side = 0.5 * (mean[0, 2] + mean[0, 3])
+    assert np.exp(side - SIZE_LIMIT * spread[0, 2]) == pytest.approx(SMALLEST * 4.0)
+    largest = np.exp(side + SIZE_LIMIT * spread[0, 2])
+    knots = np.array([[10.0, 10.0, 0.1], [40.0, 10.0, 0.3]])  # between the two knots logs are interpolated
+    expected = np.exp(np.mean(0.5 * np.log(knots[:, 0] * knots[:, 1]) + knots[:, 2]))
+    assert largest == pytest.approx(expected, rel=1e-6)
+
+
 def sizes_after(profile: RowProfile, before: States, row: float, dt: float, seed: int = 0) -> States:
     after = moving(row, 3, 4, 1, 1, len(before))
     profile.follow(before, after, dt, np.random.default_rng(seed))

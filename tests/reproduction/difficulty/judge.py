@@ -63,8 +63,8 @@ def best(points: Sequence[Point]) -> Point:
     """The threshold that announces most lumps at no more than the wanted rate of false alarms.
 
     Among equals those with the fewest false alarms count, and of these the highest: the training feeds are too
-    short to show the rare false alarms that it saves. Where no threshold keeps to the rate, the one with the fewest false
-    alarms is taken, and of these the highest.
+    short to show the rare false alarms that it saves. Where no threshold keeps to the rate, the one with the
+    fewest false alarms is taken, and of these the highest.
     """
     allowed = [
         point
