@@ -24,7 +24,8 @@ class LumpSize:
     equivalent_mm: float | None = None
     """Diameter of a sphere that covers as much of the picture."""
     over_limit: float = 1.0
-    """Probability that the longest diameter is above the limit; 1 where that is not known."""
+    """Probability that the longest diameter is above the limit; 1 where that is not known, 0 where that was first
+    seen at the lip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ class Detection:
     fell_back_share: float = 0.0
     """Share of particles far from all training data (jdt only)."""
     oversize: float | None = None
-    """Probability that an object above the limit is there; None without a calibration."""
+    """Probability that an object is there that counts as above the limit; None without a calibration."""
 
     def moved(self, x: float, y: float) -> Detection:
         """The same with its objects elsewhere, full-frame pixels."""

@@ -97,7 +97,8 @@ class SizeRecord(Record):
     equivalent_mm: float | None = None
     """Diameter of a sphere that covers as much of the picture."""
     over_limit: float = 1.0
-    """Probability that the longest diameter is above the limit; 1 where that is not known."""
+    """Probability that the longest diameter is above the limit; 1 where that is not known, 0 for what was first
+    seen at the lip."""
     speed_m_s: float
     """Speed on the belt."""
     distance_m: float
@@ -155,7 +156,8 @@ class StateLine(Record):
     objects: tuple[ObjectRecord, ...] = ()
     """The objects that are more likely there than not."""
     oversize: float | None = None
-    """Probability that a lump above the limit is there, which the alarm judges; null without a calibration."""
+    """Probability that a lump is there that counts as above the limit (`alarm.oversize_above`), which the alarm
+    judges; null without a calibration."""
 
 
 class Timing(Record):
@@ -261,7 +263,8 @@ class AlarmData(Record):
     existence: float
     """Probability that a lump is there."""
     oversize: float | None = None
-    """Probability that a lump above the limit is there, which the alarm judges; null without a calibration."""
+    """Probability that a lump is there that counts as above the limit (`alarm.oversize_above`), which the alarm
+    judges; null without a calibration."""
     lip_s: float | None = None
     """Seconds from the capture until the first lump reaches the lip; null where that is not known."""
     left_s: float | None = None
