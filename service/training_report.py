@@ -10,7 +10,7 @@ from models.learning.learned import Learned, LumpFit
 from models.likelihood.lump import FEATURES
 from service import html
 from service.clips import Material
-from service.config import JdtConfig, NetworkConfig, RoiConfig
+from service.config import JdtConfig, LumpConfig, NetworkConfig, RoiConfig
 from service.report_pictures import moment_bgr, places_png, prior_png, reliability_png, sketch
 from service.store.prior import Prior
 from service.training_checks import relative_sizes
@@ -215,7 +215,14 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
         "By weight, features standardised: how much one standard deviation adds to the log likelihood ratio."
     )
     headings = ("feature", "measures", "more of it", "unusual values")
-    return html.section(title, [html.paragraph(about, "note"), html.table(headings, rows)])
+    given = isinstance(config.likelihood, LumpConfig) and config.likelihood.evidence is not None
+    looks = (
+        "How much of a frame counts is configured (evidence)."
+        if given
+        else f"A second of frames counts as {fit.looks_per_s:g} independent looks."
+    )
+    parts = [html.paragraph(looks), html.paragraph(about, "note"), html.table(headings, rows)]
+    return html.section(title, parts)
 
 
 def _says(weight: float) -> str:

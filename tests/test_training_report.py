@@ -137,6 +137,7 @@ def test_several_clips_and_a_report(small: Site, capsys: pytest.CaptureFixture[s
     ):
         assert heading in page.text
     assert "rougher than the ring around it" in page.text
+    assert re.search(r"A second of frames counts as [\d.]+ independent looks", page.text)
     assert sum(tag == "svg" for tag, _ in page.seen) >= 10
     for warning in told.err.splitlines():
         assert warning.removeprefix("lumpwatch: warning: ") in page.text
