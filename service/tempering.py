@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.learning import Learned, LumpFit
+from models.learning.learned import DEFAULT_LOOKS_PER_S
 from service.config.detector import DetectorConfig
 from service.config.jdt import JdtConfig, LumpConfig
 from service.detectors.filters import DEFAULT_INTERVAL_S
@@ -25,8 +26,10 @@ from service.detectors.jdt import JdtDetector
 from service.fitting import fit_likelihood
 from service.footage import Footage, TrainingError
 
-GRID = (1.5, 2.25, 3.5, 5.0, 7.5, 11.0)
-"""Looks a second that are tried, ascending."""
+GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
+"""Looks a second that are tried, ascending; more than the default only where there is much footage without lumps."""
+QUIET_S = 300.0
+"""So much of it: a minute full of lumps shows what too little evidence costs, and hardly what too much does."""
 _SURE = 0.001
 """Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
 
@@ -53,7 +56,9 @@ def temper(
     except TrainingError:
         return learned
     best, best_score = fit.looks_per_s, -np.inf
-    for number, looks in enumerate(GRID, start=1):
+    quiet_s = footage.interval_s * footage.count * float(1.0 - _labelled(footage).mean())
+    tried = [looks for looks in GRID if looks <= DEFAULT_LOOKS_PER_S or quiet_s >= QUIET_S]
+    for number, looks in enumerate(tried, start=1):
         existence = [
             _watch(config, half, with_looks(replace(learned, likelihood=one), looks))
             for half, one in zip(halves, fits, strict=True)

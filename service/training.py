@@ -33,7 +33,7 @@ from models.motion_prior import CellVelocities
 from models.profile import RowProfile, learn_profile
 from models.roi import Roi
 from service.config.cameras import RoiConfig
-from service.config.jdt import HistogramConfig, JdtConfig
+from service.config.jdt import JdtConfig
 from service.fitting import fit_likelihood
 from service.footage import Footage, TrainingError, read_footage
 from service.frames import Frame
@@ -123,7 +123,8 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
         raise TrainingError(f"{source}: {error} inside roi {roi.id}") from error
     motion = fit_motion(steps, _specs(config, height), LEAST_SPREAD_H_S * height)
     profile = learn_profile(steps.states, height)
-    if not isinstance(config.likelihood, HistogramConfig):
+    if footage.roi.limit_px is not None:
+        # Wide sizes are for belts whose limit bounds them from below: elsewhere they would take in medium rocks.
         profile = with_sizes(profile, steps.states, steps.starts, height)
     fit = fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None

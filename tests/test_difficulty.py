@@ -169,7 +169,7 @@ def test_the_plan_holds_what_was_promised_and_the_standard_scenes_come_first() -
     assert all(task.spec.lumps_per_minute == 0 for task in long)
     standard = [plan.with_lumps(plan.standard(style)) for style in STYLES]
     assert [sum(OURS in task.peers for task in some) for some in standard] == [20, 20]
-    assert [sum("jpda" in task.peers for task in some) for some in standard] == [6, 6]
+    assert [sum("jpda" in task.peers for task in some) for some in standard] == [4, 4]
 
 
 def test_nothing_begins_after_the_deadline(tmp_path: Path) -> None:

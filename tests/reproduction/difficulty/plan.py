@@ -20,15 +20,15 @@ LONG_S = 600.0
 class Plan:
     """How much is watched. A style's standard scene is trained on its first training seed."""
 
-    choose_lumps: int = 4
+    choose_lumps: int = 3
     """Training feeds with lumps, from the second seed on, on which thresholds are chosen; for each style."""
-    choose_empty: int = 6
+    choose_empty: int = 4
     """The same without lumps."""
     test_lumps: int = 20
     """Test feeds of a standard scene with lumps."""
-    peer_lumps: int = 6
+    peer_lumps: int = 4
     """Of these, those that all methods watch; the others are watched by ours only."""
-    test_empty: int = 4
+    test_empty: int = 2
     long_feeds: int = 15
     """Lump-free feeds of LONG_S for each style."""
     matrix_lumps: int = 1
