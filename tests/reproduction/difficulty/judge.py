@@ -62,9 +62,9 @@ def curve(feeds: Sequence[Judged], key: str) -> list[Point]:
 def best(points: Sequence[Point]) -> Point:
     """The threshold that announces most lumps at no more than the wanted rate of false alarms.
 
-    Among equals those with the fewest false alarms count, and of these the highest: the training feeds are too
-    short to show the rare false alarms that it saves. Where no threshold keeps to the rate, the one with the
-    fewest false alarms is taken, and of these the highest.
+    Among equals those with the fewest false alarms count, and of these the one in the middle: it is the
+    farthest from where things change. Where no threshold keeps to the rate, the one with the fewest false
+    alarms is taken, and of these the highest.
     """
     allowed = [
         point
@@ -79,7 +79,8 @@ def best(points: Sequence[Point]) -> Point:
     most = max(point.announced for point in allowed)
     allowed = [point for point in allowed if point.announced == most]
     fewest = min(point.false_alarms for point in allowed)
-    return [point for point in allowed if point.false_alarms == fewest][-1]
+    allowed = [point for point in allowed if point.false_alarms == fewest]
+    return allowed[len(allowed) // 2]
 
 
 @dataclass(frozen=True, slots=True)
