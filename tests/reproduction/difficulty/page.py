@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from service.backtest.intervals import binomial_interval, poisson_interval
+from tests.reproduction import matrix
 from tests.reproduction.difficulty import plots
 from tests.reproduction.difficulty.judge import (
     LEVEL,
@@ -160,8 +161,12 @@ def _matrix(found: Results) -> str:
         f"| **all** | {len(sums[OURS].found)} | " + " | ".join(_short(sums[key]) for key in keys) + " |"
     )
     quiet = ", ".join(f"{PEERS[key].title} {sums[key].per_hour:.1f}" for key in keys)
+    every = sum(1 for _ in matrix.scenes())
+    watched = (
+        f"**{len(found.matrix)} of {every} scenes have been watched.** " if len(found.matrix) < every else ""
+    )
     return (
-        f"![Lumps found and false alarms, scene by method](../images/{plots.HEAT})\n\n"
+        f"![Lumps found and false alarms, scene by method](../images/{plots.HEAT})\n\n{watched}"
         "Lumps found, and in brackets false alarms, each method at its best threshold of the style's standard\n"
         "scene.\n\n"
         f"{head}\n|---|---|{'---|' * len(keys)}\n"
