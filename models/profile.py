@@ -73,13 +73,17 @@ SMALLEST, LARGEST = 0.8, 2.4
 near the limit is measured and not taken for the smallest lump."""
 
 
-def around_limit(profile: RowProfile, limit_px: NDArray[np.float64]) -> RowProfile:
+def around_limit(profile: RowProfile, limit_px: NDArray[np.float64] | None) -> RowProfile:
     """The profile with the sizes of what lies around a limit: `limit_px` (h,) is its side by row, px.
+
+    None: no limit is known, and the profile stays as it is.
 
     What was learned of the ratio of width to height stays. A handful of labelled lumps shows neither the
     smallest nor the largest that will come; the limit does. Where the usual sizes lie beyond what follows from
     it, up to one standard deviation above them is looked for as well.
     """
+    if limit_px is None:
+        return profile
     mean, spread = profile.mean.copy(), profile.spread.copy()
     rows = profile.first_row + profile.row_step * np.arange(len(mean))
     limit = np.log(np.interp(rows, np.arange(len(limit_px)) + 0.5, limit_px))

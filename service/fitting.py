@@ -16,10 +16,7 @@ def fit_likelihood(
 ) -> LumpFit | HistogramFit:
     """Fit the likelihood to the pictures; `profile` is in working pixels. Raises TrainingError, naming `source`."""
     rng = np.random.default_rng(config.seed)
-    limit = footage.roi.limit_px
-    births = polygon_births(
-        footage.roi.mask, profile if limit is None else around_limit(profile, limit), np.ones(1)
-    )
+    births = polygon_births(footage.roi.mask, around_limit(profile, footage.roi.limit_px), np.ones(1))
     try:
         if isinstance(config.likelihood, HistogramConfig):
             return fit_histogram(footage.views, births, config.likelihood.channel, rng)

@@ -32,9 +32,9 @@ def _entry(
 ) -> Image:
     """The part of the region that is as far from the lip as a lump at the limit is large, and farther.
 
-    On a belt that is short for such lumps it reaches nearer to the lip.
-    What is first seen beyond that can no longer be announced in time, and ore that falls off the belt, in its
-    dust, looks like large lumps of every shape.
+    On a belt that is short for such lumps it reaches nearer to the lip. What is first seen beyond that can no
+    longer be announced in time, and ore that falls off the belt, in its dust, looks like large lumps of every
+    shape.
     """
     size = (width, height)
     a, b = (np.array(end) * size for end in calibration.lip)

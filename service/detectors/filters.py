@@ -83,7 +83,7 @@ def make_profile(size_h: tuple[float, float], learned: Learned | None, roi: Roi)
     else:
         smallest, largest = (size * height for size in size_h)
         profile = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
-    return profile if roi.limit_px is None else around_limit(profile, roi.limit_px)
+    return around_limit(profile, roi.limit_px)
 
 
 def _births(config: JdtConfig, learned: Learned | None, anywhere: PolygonBirths, height: float) -> Births:
