@@ -17,14 +17,18 @@ from numpy.typing import NDArray
 from models.births import PolygonBirths
 from models.learning.learned import HistogramFit, LumpFit
 from models.likelihood.histogram import Channel, HistogramLikelihood, histogram
-from models.likelihood.lump import FEATURES, LumpLikelihood, expand
+from models.likelihood.lump import FEATURES, WEIGHTS, LumpLikelihood, LumpObservation, expand
 from models.roi import View
 from models.state import H, States, W, X, Y
 
 _JITTERED = 4
 _TRIED = 400
+_SEEDS, _CLIMBS, _MOVES, _HARD = 8, 3, 12, 3
+_MOVE_S = 0.5  # as far as sizes wander in that time
 _MOST_OVERLAP = 0.25
+_TOUCHING = 0.1
 _RIDGE = 1e-2
+_LUMP_RIDGE = 3e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,7 @@ def fit_lump(
 ) -> LumpFit:
     """Fit the lump likelihood; raises ValueError where no labelled box can be judged."""
     neutral = LumpLikelihood(
-        np.zeros(len(FEATURES)), np.ones(len(FEATURES)), np.zeros(2 * len(FEATURES)), 0.0, 1.0, np.inf
+        np.zeros(len(FEATURES)), np.ones(len(FEATURES)), np.zeros(WEIGHTS), 0.0, 1.0, np.inf
     )
     positive, negative = [], []
     for item in views:
@@ -83,7 +87,7 @@ def fit_lump(
             positive.append(features[valid])
         features, valid = seen.features(_elsewhere(births.draw(_TRIED // 8, rng)[0], item.objects))
         negative.append(features[valid])
-    found, missed = np.concatenate([*positive, np.empty((0, 8))]), np.concatenate(negative)
+    found, missed = np.concatenate([*positive, np.empty((0, len(FEATURES)))]), np.concatenate(negative)
     if len(found) == 0:
         raise ValueError("no labelled box lies inside the region")
     model = _fit_features(found, missed)
@@ -91,21 +95,43 @@ def fit_lump(
         hard = []
         for item in views:
             seen = model.observe(item.view)
-            tried = _elsewhere(births.draw(_TRIED, rng)[0], item.objects)
-            features, valid = seen.features(tried)
-            score = np.where(valid, seen.score(tried), -np.inf)
-            worst = np.argsort(score)[-3:]
-            hard.append(features[worst[np.isfinite(score[worst])]])
+            hard.append(seen.features(_mistaken(seen, births, item.objects, rng))[0])
         missed = np.concatenate([missed, *hard])
         model = _fit_features(found, missed)
     return LumpFit(model.mean, model.scale, model.weights, model.offset)
+
+
+def _mistaken(
+    seen: LumpObservation, births: PolygonBirths, objects: States, rng: np.random.Generator
+) -> States:
+    """Boxes (n, 8) without an object that the likelihood takes for one most readily, n at most `_HARD`.
+
+    Particles gather where the score is best, so these climb too: each of the best boxes of many becomes the
+    best of its neighbours, a few times.
+    """
+    tried = births.draw(_TRIED, rng)[0]
+    tried = tried[~_touching(tried, objects)]
+    score = seen.score(tried)
+    best = tried[np.argsort(-score, kind="stable")[:_SEEDS]]
+    for _ in range(_CLIMBS):
+        around = np.repeat(best, _MOVES, axis=0)
+        moved = around.copy()
+        moved[:, X : Y + 1] += 0.1 * around[:, W : H + 1] * rng.standard_normal((len(around), 2))
+        births.profile.follow(around, moved, _MOVE_S, rng)
+        families = np.concatenate([best[:, None], moved.reshape(len(best), _MOVES, 8)], axis=1)
+        score = seen.score(families.reshape(-1, 8))
+        score[_touching(families.reshape(-1, 8), objects)] = -np.inf
+        score = score.reshape(len(best), -1)
+        best, score = families[np.arange(len(best)), score.argmax(axis=1)], score.max(axis=1)
+    order = np.argsort(-score, kind="stable")[:_HARD]
+    return best[order[np.isfinite(score[order])]]
 
 
 def _fit_features(found: NDArray[np.float64], missed: NDArray[np.float64]) -> LumpLikelihood:
     both = np.concatenate([found, missed])
     mean, scale = both.mean(axis=0), both.std(axis=0) + 1e-6
     is_lump = np.arange(len(both)) < len(found)
-    fit = logistic(expand(both, mean, scale), is_lump)
+    fit = logistic(expand(both, mean, scale), is_lump, _LUMP_RIDGE)
     return LumpLikelihood(mean, scale, fit.weights, fit.offset, 1.0, np.inf)
 
 
@@ -154,12 +180,24 @@ def _elsewhere(states: States, objects: States) -> States:
     return states[_overlap(states, objects).max(axis=1) < _MOST_OVERLAP]
 
 
-def _overlap(a: States, b: States) -> NDArray[np.float64]:
-    """Intersection over union of all pairs of boxes (n, m)."""
+def _touching(states: States, objects: States) -> NDArray[np.bool_]:
+    """Whether more than a tenth of a state's box lies on an object: a part of a lump is no mistake to learn from."""
+    if len(objects) == 0:
+        return np.zeros(len(states), np.bool_)
+    return (_common(states, objects) / np.prod(states[:, None, W : H + 1], axis=-1)).max(axis=1) > _TOUCHING
+
+
+def _common(a: States, b: States) -> NDArray[np.float64]:
+    """The area that boxes have in common, of all pairs (n, m)."""
     half_a, half_b = a[:, None, W : H + 1] / 2, b[None, :, W : H + 1] / 2
     centre_a, centre_b = a[:, None, X : Y + 1], b[None, :, X : Y + 1]
     low = np.maximum(centre_a - half_a, centre_b - half_b)
     high = np.minimum(centre_a + half_a, centre_b + half_b)
-    common = np.prod(np.maximum(high - low, 0.0), axis=-1)
+    return np.prod(np.maximum(high - low, 0.0), axis=-1)
+
+
+def _overlap(a: States, b: States) -> NDArray[np.float64]:
+    """Intersection over union of all pairs of boxes (n, m)."""
+    common = _common(a, b)
     areas = (a[:, W] * a[:, H])[:, None] + (b[:, W] * b[:, H])[None, :]
     return common / np.maximum(areas - common, 1e-9)
