@@ -8,6 +8,7 @@ from models.births import polygon_births
 from models.learning import HistogramFit, LumpFit, fit_histogram, fit_lump
 from models.profile import RowProfile, around_limit
 from service.config.jdt import HistogramConfig, JdtConfig
+from service.default_lump import DEFAULT_LUMP
 from service.footage import Footage, TrainingError
 
 
@@ -20,6 +21,6 @@ def fit_likelihood(
     try:
         if isinstance(config.likelihood, HistogramConfig):
             return fit_histogram(footage.views, births, config.likelihood.channel, rng)
-        return fit_lump(footage.views, births, rng)
+        return fit_lump([(footage.views, births)], rng, DEFAULT_LUMP)
     except ValueError as error:
         raise TrainingError(f"{source}: {error}") from error

@@ -8,7 +8,7 @@ logit of a logistic regression is the log likelihood ratio.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +27,12 @@ _SEEDS, _CLIMBS, _MOVES, _HARD = 8, 3, 12, 3
 _MOVE_S = 0.5  # as far as sizes wander in that time
 _MOST_OVERLAP = 0.25
 _TOUCHING = 0.1
+_TOO_SMALL, _TOO_LARGE = (-0.8, -0.4), (0.4, 0.7)
+"""Log of the scale."""
 _RIDGE = 1e-2
 _LUMP_RIDGE = 3e-3
+_TRUST = 0.1
+"""Ridge towards what is known of lumps elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +52,13 @@ class LogisticFit:
     offset: float
 
 
-def logistic(x: NDArray[np.float64], y: NDArray[np.bool_], ridge: float = _RIDGE) -> LogisticFit:
-    """Fit with both classes weighing the same and a ridge on the weights.
+def logistic(
+    x: NDArray[np.float64],
+    y: NDArray[np.bool_],
+    ridge: float = _RIDGE,
+    towards: NDArray[np.float64] | None = None,
+) -> LogisticFit:
+    """Fit with both classes weighing the same and a ridge that pulls the weights `towards` some, or to zero.
 
     Raises ValueError where one class is missing.
     """
@@ -62,43 +71,59 @@ def logistic(x: NDArray[np.float64], y: NDArray[np.bool_], ridge: float = _RIDGE
     from scipy.optimize import minimize
     from scipy.special import expit
 
-    def loss(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        margin = sign * (x @ theta[:-1] + theta[-1])
-        value = float(weight @ np.logaddexp(0.0, -margin)) + 0.5 * ridge * float(theta[:-1] @ theta[:-1])
-        slope = -weight * sign * expit(-margin)
-        return value, np.append(x.T @ slope + ridge * theta[:-1], slope.sum())
+    known = np.zeros(x.shape[1]) if towards is None else towards
 
-    found = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, method="L-BFGS-B", options={"maxiter": 500})
+    def loss(theta: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        margin, apart = sign * (x @ theta[:-1] + theta[-1]), theta[:-1] - known
+        value = float(weight @ np.logaddexp(0.0, -margin)) + 0.5 * ridge * float(apart @ apart)
+        slope = -weight * sign * expit(-margin)
+        return value, np.append(x.T @ slope + ridge * apart, slope.sum())
+
+    found = minimize(loss, np.append(known, 0.0), jac=True, method="L-BFGS-B", options={"maxiter": 500})
     return LogisticFit(found.x[:-1], float(found.x[-1]))
 
 
+Scene = tuple[Sequence[LabelledView], PolygonBirths]
+"""Pictures of one region, and where and how large an object may be there."""
+
+
 def fit_lump(
-    views: Sequence[LabelledView], births: PolygonBirths, rng: np.random.Generator, rounds: int = 4
+    scenes: Sequence[Scene], rng: np.random.Generator, known: LumpFit | None = None, rounds: int = 4
 ) -> LumpFit:
-    """Fit the lump likelihood; raises ValueError where no labelled box can be judged."""
+    """Fit the lump likelihood, starting from what is `known` of lumps elsewhere.
+
+    A handful of labelled lumps leaves most directions of the weights open; there, what is known elsewhere holds
+    (a Gaussian prior around its weights). Raises ValueError where no labelled box can be judged.
+    """
     neutral = LumpLikelihood(
         np.zeros(len(FEATURES)), np.ones(len(FEATURES)), np.zeros(WEIGHTS), 0.0, 1.0, np.inf
     )
-    positive, negative = [], []
-    for item in views:
+    nothing = np.empty((0, len(FEATURES)))
+    positive, negative = [nothing], [nothing]
+    for item, births in _pictures(scenes):
         seen = neutral.observe(item.view)
         if len(item.objects):
             features, valid = seen.features(_jitter(item.objects, rng))
             positive.append(features[valid])
-        features, valid = seen.features(_elsewhere(births.draw(_TRIED // 8, rng)[0], item.objects))
+        elsewhere = _elsewhere(births.draw(_TRIED // 8, rng)[0], item.objects)
+        features, valid = seen.features(np.concatenate([elsewhere, _misfits(item.objects, rng)]))
         negative.append(features[valid])
-    found, missed = np.concatenate([*positive, np.empty((0, len(FEATURES)))]), np.concatenate(negative)
+    found, missed = np.concatenate(positive), np.concatenate(negative)
     if len(found) == 0:
         raise ValueError("no labelled box lies inside the region")
-    model = _fit_features(found, missed)
+    model = _fit_features(found, missed, known)
     for _ in range(rounds):
         hard = []
-        for item in views:
+        for item, births in _pictures(scenes):
             seen = model.observe(item.view)
             hard.append(seen.features(_mistaken(seen, births, item.objects, rng))[0])
         missed = np.concatenate([missed, *hard])
-        model = _fit_features(found, missed)
+        model = _fit_features(found, missed, known)
     return LumpFit(model.mean, model.scale, model.weights, model.offset)
+
+
+def _pictures(scenes: Sequence[Scene]) -> Iterator[tuple[LabelledView, PolygonBirths]]:
+    return ((item, births) for views, births in scenes for item in views)
 
 
 def _mistaken(
@@ -127,11 +152,18 @@ def _mistaken(
     return best[order[np.isfinite(score[order])]]
 
 
-def _fit_features(found: NDArray[np.float64], missed: NDArray[np.float64]) -> LumpLikelihood:
+def _fit_features(
+    found: NDArray[np.float64], missed: NDArray[np.float64], known: LumpFit | None
+) -> LumpLikelihood:
     both = np.concatenate([found, missed])
     mean, scale = both.mean(axis=0), both.std(axis=0) + 1e-6
+    if known is not None:
+        mean, scale = known.mean, known.scale
     is_lump = np.arange(len(both)) < len(found)
-    fit = logistic(expand(both, mean, scale), is_lump, _LUMP_RIDGE)
+    if known is None:
+        fit = logistic(expand(both, mean, scale), is_lump, _LUMP_RIDGE)
+    else:
+        fit = logistic(expand(both, mean, scale), is_lump, _TRUST, known.weights)
     return LumpLikelihood(mean, scale, fit.weights, fit.offset, 1.0, np.inf)
 
 
@@ -170,6 +202,17 @@ def _jitter(objects: States, rng: np.random.Generator) -> States:
     n = len(moved)
     moved[:, X : Y + 1] += 0.06 * moved[:, W : H + 1] * rng.standard_normal((n, 2))
     moved[:, W : H + 1] *= np.exp(0.08 * rng.standard_normal((n, 2)))
+    return moved
+
+
+def _misfits(objects: States, rng: np.random.Generator) -> States:
+    """Boxes on each object that are much too small or too large: they would tell a wrong size."""
+    n = len(objects)
+    moved = np.repeat(objects, 2, axis=0)
+    scale = np.exp(np.column_stack([rng.uniform(*_TOO_SMALL, n), rng.uniform(*_TOO_LARGE, n)])).reshape(-1, 1)
+    apart = np.abs(1.0 - scale) * moved[:, W : H + 1]
+    moved[:, X : Y + 1] += 0.5 * apart * rng.uniform(-1.0, 1.0, (2 * n, 2))
+    moved[:, W : H + 1] *= scale
     return moved
 
 

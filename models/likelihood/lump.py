@@ -2,7 +2,7 @@
 
 A lump differs from the rubble around it: its surface is smoother or rougher, brighter or darker, and
 it has an outline. Eight measures of a box against the ring around it, and the contrasts of a grid of cells
-(`template`), are weighed by a logistic regression, the measures with their squares. Trained on equally many
+(`template`), are weighed by a logistic regression, with their squares. Trained on equally many
 boxes with and without a lump, its logit is the log likelihood ratio. All features come from integral
 images, so a box costs the same whatever its size; all are ratios or differences, so that a change of light
 cancels; and nothing outside the polygon counts.
@@ -37,7 +37,7 @@ MEASURES = (
 """Of a box against the ring around it. Their squares have weights too."""
 FEATURES = (*MEASURES, *template.NAMES)
 """What `features` tells, in order."""
-WEIGHTS = len(FEATURES) + len(MEASURES)
+WEIGHTS = 2 * len(FEATURES)
 
 _INNER, _RING, _BAND = 0.7, 1.5, 1.2
 _LIMIT = 5.0  # standard deviations
@@ -53,7 +53,7 @@ class LumpLikelihood:
     scale: NDArray[np.float64]
     """Standard deviation of each feature in training (68,)."""
     weights: NDArray[np.float64]
-    """Weights of the standardised features, and of the squares of the first eight (76,)."""
+    """Weights of the standardised features, and of their squares (136,)."""
     offset: float
     evidence: float
     """Share of a frame's log ratio that counts, where `looks_per_s` is not given."""
@@ -98,9 +98,9 @@ class LumpObservation:
 def expand(
     features: NDArray[np.float64], mean: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Standardised features, limited to five standard deviations, and the squares of the first eight (n, 76)."""
+    """Standardised features, limited to five standard deviations, and their squares (n, 136)."""
     z = np.clip((features - mean) / scale, -_LIMIT, _LIMIT)
-    return np.hstack([z, z[:, :_MEASURES] ** 2])
+    return np.hstack([z, z * z])
 
 
 @njit(cache=True, error_model="numpy")
@@ -165,10 +165,8 @@ def _scores(sums, inside, states, least_inside, mean, scale, weights, offset):  
     for i in range(len(states)):
         if _measure(sums, inside, states[i], least_inside, cells, features):
             score = offset
-            for k in range(_MEASURES):
+            for k in range(_FEATURES):
                 z = min(max((features[k] - mean[k]) * per_scale[k], -_LIMIT), _LIMIT)
                 score += z * (weights[k] + z * weights[_FEATURES + k])
-            for k in range(_MEASURES, _FEATURES):
-                score += min(max((features[k] - mean[k]) * per_scale[k], -_LIMIT), _LIMIT) * weights[k]
             out[i] = score
     return out

@@ -1,12 +1,13 @@
-"""Fits what ships with the product: `python -m tests.reproduction.defaults`.
+"""Fits what ships with the product: `python -m tests.reproduction.defaults lump`, then `… defaults demo`.
 
-service/default_lump.py        the lump likelihood of a ROI without a prior, from six simulated
-                               feeds of different dust, light and grain, with boxes of all sizes
+service/default_lump.py        the lump likelihood of a ROI without a prior, and where training starts: from
+                               24 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
 service/feed/demo.prior        the prior of the demo, trained on 90 s of the simulated feed
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ import numpy as np
 import service
 from models.births import polygon_births
 from models.learning import LabelledView, LumpFit, fit_lump
+from models.learning.fit import Scene
 from models.profile import default_profile
 from models.roi import make_roi
 from models.state import H, W, X, Y, blank
@@ -30,7 +32,7 @@ from service.recordings import read_frames
 from service.store.prior import Prior, encode
 from service.training import train
 
-HEAD = '''"""The lump likelihood of a ROI without a prior; made by `python -m tests.reproduction.defaults`."""
+HEAD = '''"""The lump likelihood of a ROI without a prior, where training starts; made by `python -m tests.reproduction.defaults lump`."""
 
 from __future__ import annotations
 
@@ -59,23 +61,40 @@ def lump_views(spec: FeedSpec, seconds: float, every: int) -> tuple[list[Labelle
     return views, roi.mask
 
 
+LUMPS: dict[str, object] = {
+    "smallest_lump": 1.0, "largest_lump": 2.2, "lumps_per_minute": 14.0, "cluster_share": 0.3, "dust": 0.3,
+    "frozen_share": 0.3, "smooth_share": 0.2, "slab_share": 0.1, "buried_share": 0.2,
+}  # fmt: skip
+LOOKS: tuple[dict[str, object], ...] = (
+    {},
+    {"dust": 0.6, "medium_rocks_per_minute": 100.0},
+    {"dust": 0.9, "light_drift": 0.3},
+    {"night": 0.5, "noise": 4.0},
+    {"night": 0.9},
+    {"rain": 0.4, "lens_drops": 3},
+    {"snow": 0.4, "lump_contrast": 0.8},
+    {"steam": 0.3},
+    {"lump_contrast": 0.6},
+    {"sun_patches": 0.7, "shadow_edges": 0.4},
+    {"h264_crf": 32},
+    {"exposure_jump": 2.0, "exposure_every_s": 6.0},
+)
+"""Kinds of lumps and looks of the place; both styles of the feed show each."""
+
+
 def default_lump() -> LumpFit:
-    """Fit on feeds that differ in everything but the geometry."""
-    views: list[LabelledView] = []
-    for seed in range(6):
-        spec = FeedSpec(
-            seed=9000 + seed,
-            dust=0.12 * seed,
-            light_step=0.5 + 0.25 * seed,
-            light_step_at_s=30.0,
-            noise=1.5 + seed,
-            medium_rocks_per_minute=30.0 * (1 + seed % 3),
-        )
-        more, mask = lump_views(spec, seconds=60.0, every=6)
-        views += more
-    smallest, largest = (size * mask.shape[0] for size in JdtConfig().size_h)
-    profile = default_profile(mask.shape[0], smallest, largest, DEFAULT_SPEED_H_S * mask.shape[0])
-    return fit_lump(views, polygon_births(mask, profile, np.ones(1)), np.random.default_rng(1))
+    """Fit on lumps of all kinds, in every weather, in both styles."""
+    scenes: list[Scene] = []
+    for style in ("a", "b"):
+        views: list[LabelledView] = []
+        for number, look in enumerate(LOOKS):
+            spec = FeedSpec.model_validate({"seed": 9000 + number, "style": style, **LUMPS, **look})
+            more, mask = lump_views(spec, seconds=60.0, every=10)
+            views += more
+        smallest, largest = (size * mask.shape[0] for size in JdtConfig().size_h)
+        profile = default_profile(mask.shape[0], smallest, largest, DEFAULT_SPEED_H_S * mask.shape[0])
+        scenes.append((views, polygon_births(mask, profile, np.ones(1))))
+    return fit_lump(scenes, np.random.default_rng(1))
 
 
 def demo_prior() -> Prior:
@@ -103,5 +122,10 @@ def _source(fit: LumpFit) -> str:
 
 if __name__ == "__main__":
     package = Path(service.__file__).parent
-    (package / "default_lump.py").write_text(_source(default_lump()), encoding="utf-8")
-    (package / "feed" / "demo.prior").write_bytes(encode(demo_prior()))
+    match sys.argv[1:]:
+        case ["lump"]:
+            (package / "default_lump.py").write_text(_source(default_lump()), encoding="utf-8")
+        case ["demo"]:
+            (package / "feed" / "demo.prior").write_bytes(encode(demo_prior()))
+        case _:
+            sys.exit("say lump or demo")
