@@ -27,9 +27,13 @@ from service.fitting import fit_likelihood
 from service.footage import Footage, TrainingError
 
 GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
-"""Looks a second that are tried, ascending; more than the default only where there is much footage without lumps."""
+"""Looks a second that are tried, ascending."""
+MOST_WITH_LIMIT = 7.5
+"""Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
+Without a limit it is the default."""
 QUIET_S = 300.0
-"""So much of it: a minute full of lumps shows what too little evidence costs, and hardly what too much does."""
+"""With so much footage without lumps all are tried: a minute full of lumps shows what too little evidence costs, and
+hardly what too much does."""
 _SURE = 0.001
 """Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
 
@@ -57,7 +61,8 @@ def temper(
         return learned
     best, best_score = fit.looks_per_s, -np.inf
     quiet_s = footage.interval_s * footage.count * float(1.0 - _labelled(footage).mean())
-    tried = [looks for looks in GRID if looks <= DEFAULT_LOOKS_PER_S or quiet_s >= QUIET_S]
+    most = DEFAULT_LOOKS_PER_S if footage.roi.limit_px is None else MOST_WITH_LIMIT
+    tried = [looks for looks in GRID if looks <= most or quiet_s >= QUIET_S]
     for number, looks in enumerate(tried, start=1):
         existence = [
             _watch(config, half, with_looks(replace(learned, likelihood=one), looks))

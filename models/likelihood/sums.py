@@ -12,6 +12,7 @@ cancels in the difference of a box's corners.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,6 +26,7 @@ COARSE = 7
 """Pixels over which the coarse picture is smoothed."""
 REACH = COARSE // 2 + 1
 """Pixels to either side between which the coarse gradient is taken."""
+_Picture = NDArray[np.integer[Any] | np.floating[Any]]
 _SHIFT = np.uint64(3)  # bits of a coarse gradient that are given up, for the sum over a box to fit
 _COARSE_LEVELS = 2.0 ** int(_SHIFT) / COARSE**2
 """Grey levels in one unit of the coarse sum."""
@@ -87,7 +89,7 @@ def _region(inside: NDArray[np.int32]) -> _Region:
     return _Region(inside, mask, outside, nearest.ravel()[outside])
 
 
-def _gradients(picture: NDArray[np.generic], reach: int) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+def _gradients(picture: _Picture, reach: int) -> tuple[_Picture, _Picture]:
     """Differences of the pixels `reach` to the left and right, and above and below; the border is repeated."""
     wide = cv2.copyMakeBorder(picture, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
     level, upright = wide[reach:-reach], wide[:, reach:-reach]

@@ -23,7 +23,9 @@ CELLS, SPAN = 5, 1.6
 CHANNELS = ("brightness", "texture", "coarse_texture", "upright_edges")
 COLUMNS = (CELLS + 1) // 2
 """Of cells, from the outermost to the middle one: the others are their mirror images."""
-NAMES = tuple(f"{channel} {row}{column}" for row in range(CELLS) for column in range(COLUMNS) for channel in CHANNELS)
+NAMES = tuple(
+    f"{channel} {row}{column}" for row in range(CELLS) for column in range(COLUMNS) for channel in CHANNELS
+)
 """What `contrasts` measures, in order: channel, row from the top and column from the side."""
 NOISE = 2.0  # grey levels; keeps ratios of flat patches finite
 _AROUND = 1.5

@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict
 from models.density import COMPONENTS, GridDensity
 from models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, Learned, LumpFit
 from models.likelihood.histogram import BINS
-from models.likelihood.lump import FEATURES
+from models.likelihood.lump import FEATURES, MEASURES
 from models.motion_prior import VELOCITY_BINS, CellVelocities
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
@@ -171,6 +171,21 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
     return CellVelocities(float(cell), float(fastest), counts)
 
 
+def _lump(arrays: dict[str, NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Mean, scale and weights of a lump's features; of a prior from before the template its weights are zero."""
+    mean, scale, weights = arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"]
+    known = len(mean)
+    if known not in (len(MEASURES), len(FEATURES)):
+        raise ValueError(f"fit_mean has shape {mean.shape}")
+    for key, shape in {"fit_mean": (known,), "fit_scale": (known,), "fit_weights": (2 * known,)}.items():
+        if arrays[key].shape != shape:
+            raise ValueError(f"{key} has shape {arrays[key].shape}")
+    more = len(FEATURES) - known
+    linear, square = np.pad(weights[:known], (0, more)), np.pad(weights[known:], (0, more))
+    wide_scale = np.pad(scale, (0, more), constant_values=1.0)
+    return np.pad(mean, (0, more)), wide_scale, np.concatenate([linear, square])
+
+
 def _looks(arrays: dict[str, NDArray[Any]]) -> float:
     if "fit_looks" not in arrays:
         return DEFAULT_LOOKS_PER_S
@@ -202,9 +217,8 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
     line = arrays["fit_line"]
     fit: LumpFit | HistogramFit
     if meta["likelihood"] == "lump":
-        fit = LumpFit(
-            arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"], float(line[0]), _looks(arrays)
-        )
+        mean, scale, weights = _lump(arrays)
+        fit = LumpFit(mean, scale, weights, float(line[0]), _looks(arrays))
     else:
         fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
     knots, axes = len(arrays["profile_mean"]), len(density.components)
@@ -221,8 +235,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         "label_counts": (m,),
     }
     if isinstance(fit, LumpFit):
-        n = len(FEATURES)
-        shapes |= {"fit_mean": (n,), "fit_scale": (n,), "fit_weights": (2 * n,), "fit_line": (1,)}
+        shapes |= {"fit_line": (1,)}
     else:
         shapes |= {"fit_reference": (BINS,), "fit_line": (2,)}
     for key, shape in shapes.items():

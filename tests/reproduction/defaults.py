@@ -32,7 +32,7 @@ from service.recordings import read_frames
 from service.store.prior import Prior, encode
 from service.training import train
 
-HEAD = '''"""The lump likelihood of a ROI without a prior, where training starts; made by `python -m tests.reproduction.defaults lump`."""
+HEAD = '''"""What is known of lumps before any training; made by `python -m tests.reproduction.defaults lump`."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, islice, zip_longest
+from itertools import islice, zip_longest
 
 from service.feed.spec import FeedSpec
 from tests.reproduction import matrix
@@ -24,6 +24,10 @@ class Plan:
     """Training feeds with lumps, from the second seed on, on which thresholds are chosen; for each style."""
     choose_empty: int = 4
     """The same without lumps."""
+    choose_more: int = 5
+    """Further ones with lumps that only ours watches."""
+    choose_long: int = 2
+    """Further ones without lumps, of LONG_S, that only ours watches."""
     test_lumps: int = 20
     """Test feeds of a standard scene with lumps."""
     peer_lumps: int = 4
@@ -34,7 +38,7 @@ class Plan:
     matrix_lumps: int = 1
     """Test feeds of every other scene."""
     matrix_empty: int = 1
-    matrix_empty_s: float = 30.0
+    matrix_empty_s: float = 20.0
     scenes: tuple[str, ...] = ()
     """Scenes of the matrix; none: all."""
     seconds: float = SECONDS
@@ -48,9 +52,14 @@ class Plan:
     def choosing(self, style: str) -> list[Task]:
         """What a style's thresholds are chosen on."""
         scene = self.standard(style)
-        lumps = islice(scene.train(), 1, 1 + self.choose_lumps)
-        empty = islice(scene.train_empty(), 1, 1 + self.choose_empty)
-        return self._tasks(scene, chain(lumps, empty))
+        lumps = list(islice(scene.train(), 1, 1 + self.choose_lumps + self.choose_more))
+        empty = list(islice(scene.train_empty(), 1, 1 + self.choose_empty + self.choose_long))
+        by_all = [*lumps[: self.choose_lumps], *empty[: self.choose_empty]]
+        return [
+            *self._tasks(scene, by_all),
+            *self._tasks(scene, lumps[self.choose_lumps :], peers=(OURS,)),
+            *self._tasks(scene, empty[self.choose_empty :], self.long_s, (OURS,)),
+        ]
 
     def testing(self, scene: matrix.Scene) -> list[Task]:
         """The test feeds of a scene, those with lumps first."""
@@ -106,7 +115,8 @@ class Plan:
 
 
 SMALL = Plan(
-    choose_lumps=1, choose_empty=1, test_lumps=1, test_empty=1, long_feeds=1, seconds=30.0, long_s=60.0,
+    choose_lumps=1, choose_empty=1, choose_more=0, choose_long=0, test_lumps=1, test_empty=1, long_feeds=1,
+    seconds=30.0, long_s=60.0,
     scenes=("standard", "dust-heavy", "night-1", "b-standard"),
 )  # fmt: skip
 """To see that everything works, not to learn anything from."""
