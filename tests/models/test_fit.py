@@ -130,7 +130,7 @@ def scores(
 
 
 def test_fit_lump_separates_fresh_pictures() -> None:
-    fit = fit_lump(labelled(1, 18), births(), np.random.default_rng(0))
+    fit = fit_lump([(labelled(1, 18), births())], np.random.default_rng(0))
     likelihood = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
     found, missed = scores(likelihood, labelled(2, 18))
     assert len(found) == 12
@@ -161,7 +161,7 @@ def test_histogram_reference_is_that_of_the_objects() -> None:
 
 def test_same_seed_same_fit() -> None:
     views = labelled(1, 6)
-    one, two = (fit_lump(views, births(), np.random.default_rng(5), rounds=1) for _ in range(2))
+    one, two = (fit_lump([(views, births())], np.random.default_rng(5), rounds=1) for _ in range(2))
     assert one.weights.tobytes() == two.weights.tobytes()
     assert one.offset == two.offset
 
@@ -172,7 +172,7 @@ def test_no_usable_box_is_refused() -> None:
     outside = [LabelledView(item.view, boxes(1, x=900.0, y=60.0, w=30.0, h=30.0)) for item in empty]
     for views in (empty, outside):
         with pytest.raises(ValueError, match="no labelled box"):
-            fit_lump(views, births(), np.random.default_rng(0))
+            fit_lump([(views, births())], np.random.default_rng(0))
         with pytest.raises(ValueError, match="no labelled box"):
             fit_histogram(views, births(), "luma", np.random.default_rng(0))
 
@@ -188,5 +188,5 @@ def test_lump_at_the_edge_of_a_polygon_is_left_out() -> None:
     roi = make_roi([(0, 0), (1, 0), (1, 1), (0, 1)], WIDTH, HEIGHT, WIDTH)
     far = boxes(1, x=-5.0, y=60.0, w=30.0, h=30.0)
     more = [LabelledView(roi.view(item.view.gray), np.concatenate([item.objects, far])) for item in views]
-    fit = fit_lump(more, births(), np.random.default_rng(0), rounds=1)
+    fit = fit_lump([(more, births())], np.random.default_rng(0), rounds=1)
     assert np.all(np.isfinite(fit.weights))
