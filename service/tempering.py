@@ -10,8 +10,8 @@ well, so each half of the footage is judged by what the other half taught (two-f
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -27,13 +27,16 @@ from service.fitting import fit_likelihood
 from service.footage import Footage, TrainingError
 
 GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
-"""Looks a second that are tried, ascending."""
+"""Looks a second that are tried, from the most."""
 MOST_WITH_LIMIT = 7.5
 """Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
 Without a limit it is the default."""
 QUIET_S = 300.0
 """With so much footage without lumps all are tried: a minute full of lumps shows what too little evidence costs, and
 hardly what too much does."""
+FOLDS = 4
+FIT_VIEWS = 450
+"""Pictures that a fold learns from, at most."""
 _SURE = 0.001
 """Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
 
@@ -43,35 +46,37 @@ def temper(
 ) -> Learned:
     """What was learned with its looks a second; as it was where the footage cannot teach them.
 
-    That is where the likelihood is no lump's, `evidence` is configured, all frames or none show a lump, or one
-    half of the footage teaches nothing. `advance` is told how many candidates have been judged.
+    That is where the likelihood is no lump's, `evidence` is configured, all frames or none show a lump, or a
+    part of the footage teaches nothing. `advance` is told how many candidates have been judged.
     """
     fit = learned.likelihood
     if not isinstance(config, JdtConfig) or not isinstance(config.likelihood, LumpConfig):
         return learned
     if config.likelihood.evidence is not None or not isinstance(fit, LumpFit):
         return learned
-    halves = _halves(footage)
-    if halves is None:
-        return learned
+    folds = _folds(footage)
     profile = learned.profile.scaled(float(footage.roi.shape[0]))
     try:
-        fits = [fit_likelihood(config, other, profile, "half of the footage") for other in reversed(halves)]
+        fits = [fit_likelihood(config, fold.rest, profile, "a part of the footage") for fold in folds]
     except TrainingError:
+        return learned
+    if not fits:
         return learned
     best, best_score = fit.looks_per_s, -np.inf
     quiet_s = footage.interval_s * footage.count * float(1.0 - _labelled(footage).mean())
     most = DEFAULT_LOOKS_PER_S if footage.roi.limit_px is None else MOST_WITH_LIMIT
     tried = [looks for looks in GRID if looks <= most or quiet_s >= QUIET_S]
-    for number, looks in enumerate(tried, start=1):
+    for number, looks in enumerate(reversed(tried), start=1):
         existence = [
-            _watch(config, half, with_looks(replace(learned, likelihood=one), looks))
-            for half, one in zip(halves, fits, strict=True)
+            _watch(config, fold.judged, with_looks(replace(learned, likelihood=one), looks))
+            for fold, one in zip(folds, fits, strict=True)
         ]
-        score = log_score(np.concatenate(existence), np.concatenate([_labelled(half) for half in halves]))
+        score = log_score(
+            np.concatenate(existence), np.concatenate([_labelled(fold.judged) for fold in folds])
+        )
         advance(number)
         if score <= best_score:
-            break  # one peak: too little evidence before it, too much behind it
+            break  # one peak: too much evidence before it, too little behind it
         best, best_score = looks, score
     return with_looks(learned, best)
 
@@ -87,14 +92,36 @@ def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> flo
     return float(np.log(p[present]).mean() + np.log(1.0 - p[~present]).mean())
 
 
-def _halves(footage: Footage) -> tuple[Footage, Footage] | None:
-    """Cut where half of the labelled pictures lie before; None where there are not both kinds of pictures."""
+@dataclass(frozen=True, slots=True)
+class _Fold:
+    """A stretch of the footage, and what is left to learn from: no lump is in both."""
+
+    judged: Footage
+    rest: Footage
+
+
+def _folds(footage: Footage) -> list[_Fold]:
+    """Stretches with equally many labelled pictures each; none where there are not both kinds of pictures."""
     labelled = np.flatnonzero(_labelled(footage))
-    if len(labelled) < 2 or len(labelled) == len(footage.views):
-        return None
-    cut = int(labelled[len(labelled) // 2])
-    first = replace(footage, views=footage.views[:cut], moments=footage.moments[:cut])
-    return first, replace(footage, views=footage.views[cut:], moments=footage.moments[cut:])
+    if len(labelled) < FOLDS or len(labelled) == len(footage.views):
+        return []
+    cuts = [0, *(int(labelled[k * len(labelled) // FOLDS]) for k in range(1, FOLDS)), len(footage.views)]
+    found = []
+    for first, last in pairwise(cuts):
+        seen = {(m.clip, track) for m in footage.moments[first:last] for track in m.tracks}
+        others = [
+            k
+            for k, moment in enumerate(footage.moments)
+            if not first <= k < last and seen.isdisjoint((moment.clip, track) for track in moment.tracks)
+        ]
+        thinned = others[:: -(-len(others) // FIT_VIEWS) or 1]
+        found.append(_Fold(_only(footage, range(first, last)), _only(footage, thinned)))
+    return found
+
+
+def _only(footage: Footage, pictures: Sequence[int]) -> Footage:
+    views, moments = [footage.views[k] for k in pictures], [footage.moments[k] for k in pictures]
+    return replace(footage, views=views, moments=moments)
 
 
 def _labelled(footage: Footage) -> NDArray[np.bool_]:

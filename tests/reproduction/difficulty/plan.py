@@ -37,7 +37,7 @@ class Plan:
     """Lump-free feeds of LONG_S for each style."""
     matrix_lumps: int = 1
     """Test feeds of every other scene."""
-    matrix_empty: int = 1
+    matrix_empty: int = 0
     matrix_empty_s: float = 20.0
     scenes: tuple[str, ...] = ()
     """Scenes of the matrix; none: all."""
