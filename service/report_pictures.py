@@ -9,8 +9,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from models.learning.learned import Learned
+from models.learning.learned import Learned, LumpFit
 from models.learning.validation import Bin
+from models.likelihood.lump import FEATURES, MEASURES
+from models.likelihood.template import CELLS, CHANNELS, COLUMNS, SPAN
 from models.roi import Image, Roi
 from models.state import VX, VY, H, W, X, Y, blank
 from models.switching import AdaptiveSwitching, conditional
@@ -110,6 +112,24 @@ def reliability_png(bins: Sequence[Bin]) -> bytes:
         ylabel="share of lumps that held-out boxes show",
     )
     return _png(fig)
+
+
+def template_png(fit: LumpFit) -> bytes:
+    """What each cell of the template says, over the box that it belongs to, one panel a channel."""
+    weights = fit.weights[len(MEASURES) : len(FEATURES)].reshape(CELLS, COLUMNS, len(CHANNELS))
+    whole = np.concatenate([weights, weights[:, CELLS - COLUMNS - 1 :: -1]], axis=1)
+    most = max(float(np.abs(whole).max()), 1e-9)
+    fig = figure(2.5 * len(CHANNELS), 2.7)
+    margin = 0.5 * (1.0 - 1.0 / SPAN)
+    for k, panel in enumerate(fig.subplots(1, len(CHANNELS))):
+        panel.imshow(whole[..., k], cmap="RdBu", vmin=-most, vmax=most, extent=(0, 1, 1, 0))
+        panel.plot(*zip(*_corners(margin, 1.0 - margin), strict=True), color="black", lw=1)
+        panel.set(title=CHANNELS[k].replace("_", " "), xticks=[], yticks=[])
+    return _png(fig)
+
+
+def _corners(low: float, high: float) -> tuple[tuple[float, float], ...]:
+    return (low, low), (high, low), (high, high), (low, high), (low, low)
 
 
 def _png(fig: Any) -> bytes:

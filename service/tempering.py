@@ -54,7 +54,7 @@ def temper(
         return learned
     if config.likelihood.evidence is not None or not isinstance(fit, LumpFit):
         return learned
-    folds = _folds(footage)
+    folds = cut_in_folds(footage)
     profile = learned.profile.scaled(float(footage.roi.shape[0]))
     try:
         fits = [fit_likelihood(config, fold.rest, profile, "a part of the footage") for fold in folds]
@@ -93,14 +93,14 @@ def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> flo
 
 
 @dataclass(frozen=True, slots=True)
-class _Fold:
+class Fold:
     """A stretch of the footage, and what is left to learn from: no lump is in both."""
 
     judged: Footage
     rest: Footage
 
 
-def _folds(footage: Footage) -> list[_Fold]:
+def cut_in_folds(footage: Footage) -> list[Fold]:
     """Stretches with equally many labelled pictures each; none where there are not both kinds of pictures."""
     labelled = np.flatnonzero(_labelled(footage))
     if len(labelled) < FOLDS or len(labelled) == len(footage.views):
@@ -115,7 +115,7 @@ def _folds(footage: Footage) -> list[_Fold]:
             if not first <= k < last and seen.isdisjoint((moment.clip, track) for track in moment.tracks)
         ]
         thinned = others[:: -(-len(others) // FIT_VIEWS) or 1]
-        found.append(_Fold(_only(footage, range(first, last)), _only(footage, thinned)))
+        found.append(Fold(_only(footage, range(first, last)), _only(footage, thinned)))
     return found
 
 

@@ -7,11 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.learning.learned import Learned, LumpFit
-from models.likelihood.lump import FEATURES
+from models.likelihood.lump import FEATURES, MEASURES
 from service import html
 from service.clips import Material
 from service.config import JdtConfig, LumpConfig, NetworkConfig, RoiConfig
-from service.report_pictures import moment_bgr, places_png, prior_png, reliability_png, sketch
+from service.report_pictures import (
+    moment_bgr,
+    places_png,
+    prior_png,
+    reliability_png,
+    sketch,
+    template_png,
+)
 from service.store.prior import Prior
 from service.training_checks import relative_sizes
 from service.validation import HeldOut, Validation
@@ -198,19 +205,21 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
     title = "What tells a lump from ore"
     if isinstance(config.likelihood, NetworkConfig):
         return html.section(title, [html.paragraph(f"The network {config.likelihood.model.name}.")])
-    if not isinstance(fit, LumpFit) or len(fit.weights) % len(FEATURES):
+    if not isinstance(fit, LumpFit):
         return html.section(
             title, [html.paragraph("The likeness of its histogram to that of the labelled lumps.")]
         )
-    weights = fit.weights.reshape(-1, len(FEATURES))
-    order = np.argsort(-np.abs(weights).sum(axis=0))
-    rows = []
-    for k in order:
-        bent = float(weights[1, k]) if len(weights) > 1 else 0.0
-        name = FEATURES[k]
-        rows.append(
-            (html.text(name), html.text(_WORDS.get(name, "")), _says(float(weights[0, k])), _bend(bent))
+    linear, square = fit.weights[: len(FEATURES)], fit.weights[len(FEATURES) :]
+    order = np.argsort(-(np.abs(linear) + np.abs(square))[: len(MEASURES)])
+    rows = [
+        (
+            html.text(MEASURES[k]),
+            html.text(_WORDS[MEASURES[k]]),
+            _says(float(linear[k])),
+            _bend(float(square[k])),
         )
+        for k in order
+    ]
     about = (
         "By weight, features standardised: how much one standard deviation adds to the log likelihood ratio."
     )
@@ -221,7 +230,17 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
         if given
         else f"A second of frames counts as {fit.looks_per_s:g} independent looks."
     )
-    parts = [html.paragraph(looks), html.paragraph(about, "note"), html.table(headings, rows)]
+    parts = [
+        html.paragraph(looks),
+        html.paragraph(about, "note"),
+        html.table(headings, rows),
+        html.picture(template_png(fit), "what more brightness, texture or upright edges in each cell says"),
+        html.paragraph(
+            "The box (black) and what lies around it, cell by cell. Blue: more of it speaks for a lump; red: "
+            "against.",
+            "note",
+        ),
+    ]
     return html.section(title, parts)
 
 

@@ -17,6 +17,7 @@ from models.evaluation import overlaps
 from models.learning import LabelledView
 from models.learning.learned import DEFAULT_LOOKS_PER_S, Learned
 from models.learning.validation import BOUND, Bin, Verdict, folds, judge, reliability
+from models.profile import around_limit
 from models.state import H, W, X, Y
 from service.clips import Lump, Material
 from service.config import HistogramConfig, JdtConfig, LumpConfig, NetworkConfig, RoiConfig
@@ -186,7 +187,8 @@ def _verdicts(
 ) -> dict[int, Verdict]:
     """By view, for those that show one of the lumps."""
     roi = material.footage.roi
-    births = polygon_births(roi.mask, learned.profile.scaled(float(roi.shape[0])), np.ones(1))
+    profile = around_limit(learned.profile.scaled(float(roi.shape[0])), roi.limit_px)
+    births = polygon_births(roi.mask, profile, np.ones(1))
     likelihood = make_likelihood(_untempered(config), learned)
     keys = {(lump.clip, lump.id) for lump in lumps}
     return {

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from models.density import GridDensity
 from models.learning import HistogramFit, Learned, LumpFit
+from models.likelihood.lump import FEATURES
 from models.profile import RowProfile
 from models.state import Y
 from service.config import CameraConfig, SiteConfig, parse
@@ -85,7 +86,8 @@ def bright_fit(channel: Literal["luma", "colour"] = "luma") -> HistogramFit:
 
 
 def lump_fit() -> LumpFit:
-    return LumpFit(np.linspace(0.1, 0.8, 8), np.linspace(0.5, 1.2, 8), np.linspace(-1.0, 1.0, 16), 0.25)
+    n = len(FEATURES)
+    return LumpFit(np.linspace(0.1, 0.8, n), np.linspace(0.5, 1.2, n), np.linspace(-1.0, 1.0, 2 * n), 0.25)
 
 
 def prior(

@@ -14,6 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.density import GridDensity
+from models.learning import LumpFit
+from models.likelihood.lump import FEATURES, expand
 from models.state import X, Y
 from service.store.prior import PriorError, decode, encode
 from tests.service_helpers import bright_fit, camera, learned, lump_fit, prior, same
@@ -178,6 +180,18 @@ def test_content_that_cannot_be_right_is_refused(name: str, value: object) -> No
 def test_shapes_of_profile_and_fit_are_checked(name: str, value: object) -> None:
     with pytest.raises(PriorError):
         decode(_altered(name, value), "demo")
+
+
+def test_a_prior_from_before_the_template_goes_on_as_it_was() -> None:
+    """Eight features then; the template's have no weight."""
+    before = LumpFit(np.linspace(0.1, 0.8, 8), np.linspace(0.5, 1.2, 8), np.linspace(-1.0, 1.0, 16), 0.25)
+    fit = decode(encode(prior(learned(likelihood=before))), "demo").learned.likelihood
+    assert isinstance(fit, LumpFit)
+    rng = np.random.default_rng(0)
+    features = rng.normal(size=(20, len(FEATURES)))
+    z = (features[:, :8] - before.mean) / before.scale
+    eight = np.clip(z, -5, 5) @ before.weights[:8] + np.clip(z, -5, 5) ** 2 @ before.weights[8:]
+    assert expand(features, fit.mean, fit.scale) @ fit.weights == pytest.approx(eight)
 
 
 def test_an_array_file_in_place_of_an_archive_is_refused() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,9 +11,10 @@ from hypothesis import strategies as st
 
 from models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
 from service.config.jdt import HistogramConfig, JdtConfig, LumpConfig
-from service.footage import read_footage
-from service.tempering import GRID, log_score, temper, with_looks
-from tests.service_helpers import learned, lump_fit
+from service.footage import Footage, read_footage
+from service.labels import Box
+from service.tempering import FOLDS, GRID, cut_in_folds, log_score, temper, with_looks
+from tests.service_helpers import camera, frame, learned, lump_fit
 
 
 def test_the_log_score_is_that_of_hand_worked_numbers() -> None:
@@ -60,9 +63,21 @@ def test_only_a_lumps_likelihood_has_looks() -> None:
     assert list(GRID) == sorted(GRID)
 
 
-def _footage():  # type: ignore[no-untyped-def]
-    """Pictures without any label."""
-    from tests.service_helpers import camera, frame
+def test_no_lump_is_in_both_parts_of_a_fold() -> None:
+    """Three lumps of ten pictures with five between them: the cuts fall into lumps, and those are left out."""
+    boxes = [Box(15 * lump + k + 6, lump + 1, 20.0, 20.0, 20.0, 20.0) for lump in range(3) for k in range(10)]
+    footage = _footage(50, boxes)
+    folds = cut_in_folds(footage)
+    assert len(folds) == FOLDS
+    judged = [moment.frame for fold in folds for moment in fold.judged.moments]
+    assert judged == list(range(1, 51))
+    for fold in folds:
+        seen, taught = ({t for m in part.moments for t in m.tracks} for part in (fold.judged, fold.rest))
+        assert seen.isdisjoint(taught)
+        assert {m.frame for m in fold.judged.moments}.isdisjoint(m.frame for m in fold.rest.moments)
 
-    frames = (frame(k) for k in range(4))
-    return read_footage(camera().rois[0], frames, (), lambda _: None)
+
+def _footage(pictures: int = 4, boxes: Sequence[Box] = ()) -> Footage:
+    """Pictures with these labels."""
+    frames = (frame(k) for k in range(pictures))
+    return read_footage(camera().rois[0], frames, boxes, lambda _: None)

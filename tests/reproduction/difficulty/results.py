@@ -25,6 +25,10 @@ from tests.reproduction.difficulty.sizes import Sizes, sizes
 from tests.reproduction.difficulty.work import WARM_UP, Task, load
 
 
+SHOWN = (0.5, 0.98, 0.99, 0.995)
+"""Thresholds of the long run that are shown beside the chosen one and the default."""
+
+
 @dataclass(frozen=True, slots=True)
 class StyleResult:
     """One style of the feed: methods on its standard scene."""
@@ -86,7 +90,7 @@ def _style(folder: Path, plan: Plan, style: str, keys: tuple[str, ...]) -> Style
     tests = {key: judged(folder, testing, key) for key in keys}
     long_cells = {}
     quiet = judged(folder, long, OURS)
-    for raise_above in sorted({chosen[OURS].raise_above, ALARM.raise_above}) if long else ():
+    for raise_above in sorted({chosen[OURS].raise_above, ALARM.raise_above, *SHOWN}) if long else ():
         long_cells[OURS, raise_above] = cell(quiet, OURS, raise_above)
     with_lumps = [task for task in testing if task.spec.lumps_per_minute > 0]
     return StyleResult(
