@@ -24,7 +24,6 @@ from tests.reproduction.difficulty.plan import STYLES, Plan
 from tests.reproduction.difficulty.sizes import Sizes, sizes
 from tests.reproduction.difficulty.work import WARM_UP, Task, load
 
-
 SHOWN = (0.5, 0.98, 0.99, 0.995)
 """Thresholds of the long run that are shown beside the chosen one and the default."""
 
