@@ -55,8 +55,8 @@ earlier. An alarm is *false* when no lump was there at its raise, nor came or we
 Delays of the alarm are the same for all. Each method has its own best threshold for each style: the one
 that finds most lumps of the training feeds at no more than {WANTED_PER_HOUR:g} false alarms an hour and with the
 alarm standing for no more than {MOST_STANDING:.0%} of the time without lumps. Ours has more training feeds to choose
-it on, among them {found.plan.choose_long} of {found.plan.long_s / 60:g} minutes without lumps for each style: the others
-have seen less, and choose lower thresholds, which find more. Seeds of training and of test have no
+it on, among them {found.plan.choose_long} of {found.plan.long_s / 60:g} minutes without lumps for each style: the
+others have seen less, and choose lower thresholds, which find more. Seeds of training and of test have no
 number in common. Made by `python -m tests.reproduction difficulty`.
 
 ## The standard scenes
