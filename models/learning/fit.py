@@ -106,7 +106,7 @@ def fit_lump(
             features, valid = seen.features(_jitter(item.objects, rng))
             positive.append(features[valid])
         elsewhere = _elsewhere(births.draw(_TRIED // 8, rng)[0], item.objects)
-        features, valid = seen.features(np.concatenate([elsewhere, _misfits(item.objects, rng)]))
+        features, valid = seen.features(np.concatenate([elsewhere, misfits(item.objects, rng)]))
         negative.append(features[valid])
     found, missed = np.concatenate(positive), np.concatenate(negative)
     if len(found) == 0:
@@ -116,7 +116,7 @@ def fit_lump(
         hard = []
         for item, births in _pictures(scenes):
             seen = model.observe(item.view)
-            hard.append(seen.features(_mistaken(seen, births, item.objects, rng))[0])
+            hard.append(seen.features(mistaken(seen, births, item.objects, rng))[0])
         missed = np.concatenate([missed, *hard])
         model = _fit_features(found, missed, known)
     return LumpFit(model.mean, model.scale, model.weights, model.offset)
@@ -126,7 +126,7 @@ def _pictures(scenes: Sequence[Scene]) -> Iterator[tuple[LabelledView, PolygonBi
     return ((item, births) for views, births in scenes for item in views)
 
 
-def _mistaken(
+def mistaken(
     seen: LumpObservation, births: PolygonBirths, objects: States, rng: np.random.Generator
 ) -> States:
     """Boxes (n, 8) without an object that the likelihood takes for one most readily, n at most `_HARD`.
@@ -205,7 +205,7 @@ def _jitter(objects: States, rng: np.random.Generator) -> States:
     return moved
 
 
-def _misfits(objects: States, rng: np.random.Generator) -> States:
+def misfits(objects: States, rng: np.random.Generator) -> States:
     """Boxes on each object that are much too small or too large: they would tell a wrong size."""
     n = len(objects)
     moved = np.repeat(objects, 2, axis=0)

@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from models.births import PolygonBirths, polygon_births
 from models.learning import LabelledView, fit_histogram, fit_lump
-from models.learning.fit import logistic
+from models.learning.fit import logistic, misfits, mistaken
 from models.likelihood import HistogramLikelihood, LumpLikelihood
 from models.likelihood.base import LEAST_INSIDE, inside_share
 from models.likelihood.histogram import Channel
@@ -190,3 +190,49 @@ def test_lump_at_the_edge_of_a_polygon_is_left_out() -> None:
     more = [LabelledView(roi.view(item.view.gray), np.concatenate([item.objects, far])) for item in views]
     fit = fit_lump([(more, births())], np.random.default_rng(0), rounds=1)
     assert np.all(np.isfinite(fit.weights))
+
+
+def test_a_handful_of_lumps_leaves_the_rest_to_what_is_known() -> None:
+    """With hardly any evidence the weights stay near the known ones, without any near zero."""
+    known = fit_lump([(labelled(1, 18), births())], np.random.default_rng(0))
+    few = [(labelled(7, 1), births())]
+    told = fit_lump(few, np.random.default_rng(0), known, rounds=1)
+    untold = fit_lump(few, np.random.default_rng(0), rounds=1)
+    assert np.array_equal(told.mean, known.mean)
+    apart = float(np.linalg.norm(told.weights - known.weights))
+    assert apart < 0.5 * float(np.linalg.norm(untold.weights - known.weights))
+
+
+def test_mistakes_are_the_best_scores_away_from_objects() -> None:
+    """Climbing finds boxes that score higher than the best of as many drawn at random, none on an object."""
+    fit = fit_lump([(labelled(1, 18), births())], np.random.default_rng(0))
+    model = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
+    leads = []
+    for number, item in enumerate(labelled(3, 27)):
+        seen = model.observe(item.view)
+        found = mistaken(seen, births(), item.objects, np.random.default_rng(number))
+        assert 0 < len(found) <= 3
+        for state in found:
+            for other in item.objects:
+                sides = [
+                    min(state[i] + state[i + 6] / 2, other[i] + other[i + 6] / 2)
+                    - max(state[i] - state[i + 6] / 2, other[i] - other[i + 6] / 2)
+                    for i in (0, 1)
+                ]
+                assert max(sides[0], 0.0) * max(sides[1], 0.0) <= 0.1 * state[6] * state[7] + 1e-9
+        if len(item.objects) == 0:
+            drawn = births().draw(712, np.random.default_rng(100 + number))[0]
+            leads.append(seen.score(found).max() - seen.score(drawn).max())
+    assert np.median(leads) > 0
+
+
+def test_misfits_lie_on_the_object_and_are_much_too_small_or_too_large() -> None:
+    objects = boxes(50, 80.0, 60.0, 30.0, 20.0)
+    tried = misfits(objects, np.random.default_rng(0))
+    scale = tried[:, W] / 30.0
+    assert tried[:, H] / 20.0 == pytest.approx(scale)
+    assert np.all((scale < np.exp(-0.4)) | (scale > np.exp(0.4)))
+    assert (scale < 1).sum() == 50
+    for axis, size in ((X, W), (Y, H)):
+        apart = np.abs(tried[:, axis] - objects[0, axis])
+        assert np.all(apart <= 0.5 * np.abs(tried[:, size] - objects[0, size]) + 1e-9)
