@@ -8,14 +8,14 @@ from it, and a moving particle keeps its size relative to it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import exp, expm1
+from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.state import VX, VY, H, States, W, X, Y
+from models.state import VX, VY, H, States, W, Y
 
 ASPECT = 0.2
 """Standard deviation of the log of width over height around what is usual at the row, where none was learned."""
@@ -38,8 +38,6 @@ class RowProfile:
     """(rows, 4)"""
     aspect_spread: float = np.inf
     """Standard deviation of log(w / h) around what the row expects; infinite: sides do not know each other."""
-    anew_hz: float = 0.0
-    """Rate at which an object's size is taken anew."""
 
     def at(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
@@ -50,12 +48,11 @@ class RowProfile:
 
         The deviation of the log size from what the row expects is an Ornstein-Uhlenbeck process whose
         stationary law is that of newborn particles: a lump keeps its relative size for a while, and no
-        particle drifts off to a size that no lump has. A size that is taken anew is one of that law, with the
-        centre moved by up to half of what the sides change by: the old box may have been a part of the object.
+        particle drifts off to a size that no lump has.
         """
-        keep, anew = exp(-dt / SIZE_MEMORY_S), -expm1(-self.anew_hz * dt)
+        keep = exp(-dt / SIZE_MEMORY_S)
         most = SIZE_LIMIT * self.aspect_spread
-        _follow(before, after, keep, anew, self.first_row, self.row_step, self.mean, self.spread, most, rng)
+        _follow(before, after, keep, self.first_row, self.row_step, self.mean, self.spread, most, rng)
 
     def draw(self, rows: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
         """Velocity x, y, width and height (n, 4) of newborn objects at the rows (n,)."""
@@ -68,16 +65,12 @@ class RowProfile:
         mean[:, :2] *= factor
         spread[:, :2] *= factor
         mean[:, 2:] += np.log(factor)
-        return replace(
-            self, first_row=self.first_row * factor, row_step=self.row_step * factor, mean=mean, spread=spread
-        )
+        return RowProfile(self.first_row * factor, self.row_step * factor, mean, spread, self.aspect_spread)
 
 
 SMALLEST, LARGEST = 0.8, 2.4
 """Range of the lumps that are looked for in units of the limit. Smaller ones are followed too, so that a rock
 near the limit is measured and not taken for the smallest lump."""
-ANEW_HZ = 0.5
-"""So wide a range holds parts of lumps too, and a cloud that has gathered on one would not find the whole."""
 
 
 def around_limit(profile: RowProfile, limit_px: NDArray[np.float64] | None) -> RowProfile:
@@ -99,8 +92,7 @@ def around_limit(profile: RowProfile, limit_px: NDArray[np.float64] | None) -> R
     middle, half_aspect = 0.5 * (low + high), 0.5 * (mean[:, 2] - mean[:, 3])
     mean[:, 2], mean[:, 3] = middle + half_aspect, middle - half_aspect
     spread[:, 2:] = (0.5 * (high - low) / SIZE_LIMIT)[:, None]
-    aspect = min(profile.aspect_spread, ASPECT)
-    return RowProfile(profile.first_row, profile.row_step, mean, spread, aspect, ANEW_HZ)
+    return RowProfile(profile.first_row, profile.row_step, mean, spread, min(profile.aspect_spread, ASPECT))
 
 
 def default_profile(height: float, smallest: float, largest: float, speed: float) -> RowProfile:
@@ -171,20 +163,18 @@ def _agree(deviations, most):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _follow(before, after, keep, anew, first_row, row_step, mean, spread, most, rng):  # type: ignore[no-untyped-def]
+def _follow(before, after, keep, first_row, row_step, mean, spread, most, rng):  # type: ignore[no-untyped-def]
     knots = len(mean)
+    noise = np.sqrt(1.0 - keep * keep)
     deviations, centres = np.empty(2), np.empty(2)
     for i in range(len(before)):
-        is_new = anew > 0.0 and rng.random() < anew
-        kept = 0.0 if is_new else keep
-        noise = np.sqrt(1.0 - kept * kept)
         low, high, part = _knots(before[i, Y], first_row, row_step, knots)
         new_low, new_high, new_part = _knots(after[i, Y], first_row, row_step, knots)
         for k in range(2, 4):
             expected = mean[low, k] * (1.0 - part) + mean[high, k] * part
             new_expected = mean[new_low, k] * (1.0 - new_part) + mean[new_high, k] * new_part
             new_spread = spread[new_low, k] * (1.0 - new_part) + spread[new_high, k] * new_part
-            deviation = kept * (np.log(max(before[i, W - 2 + k], 1e-3)) - expected)
+            deviation = keep * (np.log(max(before[i, W - 2 + k], 1e-3)) - expected)
             deviation += noise * new_spread * rng.standard_normal()
             limit = SIZE_LIMIT * new_spread
             deviations[k - 2] = min(max(deviation, -limit), limit)
@@ -192,9 +182,6 @@ def _follow(before, after, keep, anew, first_row, row_step, mean, spread, most, 
         _agree(deviations, most)
         after[i, W] = np.exp(centres[0] + deviations[0])
         after[i, H] = np.exp(centres[1] + deviations[1])
-        if is_new:
-            after[i, X] += (rng.random() - 0.5) * abs(after[i, W] - before[i, W])
-            after[i, Y] += (rng.random() - 0.5) * abs(after[i, H] - before[i, H])
 
 
 @njit(cache=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +19,7 @@ from models.profile import (
     default_profile,
     learn_profile,
 )
-from models.state import VX, VY, H, States, W, X, Y
+from models.state import VX, VY, H, States, W, Y
 from tests.models.helpers import boxes
 
 LOG_10, LOG_40 = np.log(10.0), np.log(40.0)
@@ -115,21 +113,6 @@ def test_follow_forgets_in_the_stated_time() -> None:
     logs = np.log(sizes_after(SLOPING, before, 70, SIZE_MEMORY_S)[:, W])
     # The limit of 0.4 cuts off 5 % above and 0.2 % below: the mean loses some 0.004.
     assert logs.mean() - np.log(20.0) == pytest.approx(0.3 / np.e, abs=0.006)
-
-
-def test_a_size_taken_anew_is_a_newborn_one_about_the_old_box() -> None:
-    """At 0.5 Hz 1 - exp(-0.25) = 22 % of the particles after half a second; the rest stays in place, and the new
-    box holds the old one, or lies in it."""
-    profile = replace(SLOPING, anew_hz=0.5)
-    before = moving(70, 0, 0, 20 * np.exp(0.35), 10, 20_000)
-    after = sizes_after(profile, before, 70, 0.5)
-    moved = after[:, X] != before[:, X]
-    assert moved.mean() == pytest.approx(1 - np.exp(-0.25), abs=0.01)
-    assert np.log(after[moved, W]).mean() == pytest.approx(np.log(20.0), abs=0.02)
-    assert np.log(after[~moved, W]).mean() == pytest.approx(np.log(20.0) + 0.35 * np.exp(-0.1), abs=0.02)
-    change = 0.5 * np.abs(after[:, W] - before[:, W])
-    assert np.all(np.abs(after[:, X] - before[:, X]) <= change + 1e-9)
-    assert around_limit(SLOPING, np.full(121, 30.0)).anew_hz == profile.scaled(2.0).anew_hz == 0.5
 
 
 def test_no_size_beyond_the_limit() -> None:
