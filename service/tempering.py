@@ -5,7 +5,7 @@ frames is worth so many independent looks. Too many, and a rock that looks a lit
 for one; too few, and a lump is past before it is believed. The number is chosen by the logarithmic score of
 P(E = 1) over the labelled footage (a strictly proper scoring rule: it is best where the probability is
 right), frames with and without a lump weighing the same. The likelihood knows its own training pictures too
-well, so each half of the footage is judged by what the other half taught (two-fold cross-fitting).
+well, so each quarter of the footage is judged by what the others taught (cross-fitting).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from service.fitting import fit_likelihood
 from service.footage import Footage, TrainingError
 
 GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
-"""Looks a second that are tried, from the most."""
+"""Looks a second that are tried, ascending; the search begins with the most."""
 MOST_WITH_LIMIT = 7.5
 """Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
 Without a limit it is the default."""

@@ -34,10 +34,11 @@ MEASURES = (
     "core_texture",
     "ring_texture",
 )
-"""Of a box against the ring around it. Their squares have weights too."""
+"""Of a box against the ring around it."""
 FEATURES = (*MEASURES, *template.NAMES)
 """What `features` tells, in order."""
 WEIGHTS = 2 * len(FEATURES)
+"""Of the features, and of their squares."""
 
 _INNER, _RING, _BAND = 0.7, 1.5, 1.2
 _LIMIT = 5.0  # standard deviations
