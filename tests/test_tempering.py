@@ -65,7 +65,9 @@ def test_only_a_lumps_likelihood_has_looks() -> None:
 
 def test_no_lump_is_in_both_parts_of_a_fold() -> None:
     """Three lumps of ten pictures with five between them: the cuts fall into lumps, and those are left out."""
-    boxes = [Box(15 * lump + k + 6, lump + 1, 20.0, 20.0, 20.0, 20.0) for lump in range(3) for k in range(10)]
+    boxes = [
+        Box(15 * lump + k + 6, lump + 1, 20.0, 20.0, 20.0, 20.0, None) for lump in range(3) for k in range(10)
+    ]
     footage = _footage(50, boxes)
     folds = cut_in_folds(footage)
     assert len(folds) == FOLDS
