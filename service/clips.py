@@ -75,14 +75,8 @@ class Material:
             for k, moment in enumerate(footage.moments)
             if not any((moment.clip, track) in away for track in moment.tracks)
         ]
-        kept = kept[:: -(-len(kept) // most_views) or 1]
-        fewer = replace(
-            footage,
-            views=[footage.views[k] for k in kept],
-            moments=[footage.moments[k] for k in kept],
-        )
         rest = tuple(lump for lump in self.lumps if (lump.clip, lump.id) not in away)
-        return replace(self, footage=fewer, lumps=rest)
+        return replace(self, footage=footage.only(kept, most_views), lumps=rest)
 
 
 def clips_of(pairs: Sequence[tuple[Path, Path]], lump_free: Sequence[Path]) -> tuple[Clip, ...]:

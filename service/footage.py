@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,12 @@ class Footage:
     width: int
     height: int
     cells: CellVelocities | None
+
+    def only(self, pictures: Sequence[int], most: int | None = None) -> Footage:
+        """The same with these of its pictures alone, evenly thinned to `most`."""
+        stride = 1 if most is None else -(-len(pictures) // most) or 1
+        kept = pictures[::stride]
+        return replace(self, views=[self.views[k] for k in kept], moments=[self.moments[k] for k in kept])
 
 
 def read_footage(

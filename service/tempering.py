@@ -10,7 +10,7 @@ well, so each quarter of the footage is judged by what the others taught (cross-
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -114,14 +114,8 @@ def cut_in_folds(footage: Footage) -> list[Fold]:
             for k, moment in enumerate(footage.moments)
             if not first <= k < last and seen.isdisjoint((moment.clip, track) for track in moment.tracks)
         ]
-        thinned = others[:: -(-len(others) // FIT_VIEWS) or 1]
-        found.append(Fold(_only(footage, range(first, last)), _only(footage, thinned)))
+        found.append(Fold(footage.only(range(first, last)), footage.only(others, FIT_VIEWS)))
     return found
-
-
-def _only(footage: Footage, pictures: Sequence[int]) -> Footage:
-    views, moments = [footage.views[k] for k in pictures], [footage.moments[k] for k in pictures]
-    return replace(footage, views=views, moments=moments)
 
 
 def _labelled(footage: Footage) -> NDArray[np.bool_]:

@@ -242,7 +242,9 @@ def test_the_page_says_where_a_peer_is_better(tmp_path: Path) -> None:
     assert "- night-1, MOG2 and blob size: 16 against 8 of 16 lumps, 7 against 0 false alarms" in surely
     assert "- dust-1, JPDA: 15 against 14 of 16 lumps" in perhaps
     assert "5 h" not in text
-    assert re.search(r"\| a \| 0\.9 \(chosen, default\) \| 5\.0 \| 1 \| 0\.20 \| 0\.01 to 1\.11 \| 9 of 10 \|", text)
+    assert re.search(
+        r"\| a \| 0\.9 \(chosen, default\) \| 5\.0 \| 1 \| 0\.20 \| 0\.01 to 1\.11 \| 9 of 10 \|", text
+    )
     assert "| a | alarm | 1 | 1 | 5.0% | +5.0% |" in text
     plots.draw(found, tmp_path)
     for name in re.findall(r"images/([\w-]+\.png)", text):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from models.births import PolygonBirths
 from models.learning.learned import HistogramFit, LumpFit
 from models.likelihood.histogram import Channel, HistogramLikelihood, histogram
-from models.likelihood.lump import FEATURES, WEIGHTS, LumpLikelihood, LumpObservation, expand
+from models.likelihood.lump import FEATURES, LumpLikelihood, LumpObservation, expand, neutral
 from models.roi import View
 from models.state import H, States, W, X, Y
 
@@ -95,13 +95,11 @@ def fit_lump(
     A handful of labelled lumps leaves most directions of the weights open; there, what is known elsewhere holds
     (a Gaussian prior around its weights). Raises ValueError where no labelled box can be judged.
     """
-    neutral = LumpLikelihood(
-        np.zeros(len(FEATURES)), np.ones(len(FEATURES)), np.zeros(WEIGHTS), 0.0, 1.0, np.inf
-    )
+    asked = neutral()
     nothing = np.empty((0, len(FEATURES)))
     positive, negative = [nothing], [nothing]
     for item, births in _pictures(scenes):
-        seen = neutral.observe(item.view)
+        seen = asked.observe(item.view)
         if len(item.objects):
             features, valid = seen.features(_jitter(item.objects, rng))
             positive.append(features[valid])
@@ -156,14 +154,12 @@ def _fit_features(
     found: NDArray[np.float64], missed: NDArray[np.float64], known: LumpFit | None
 ) -> LumpLikelihood:
     both = np.concatenate([found, missed])
-    mean, scale = both.mean(axis=0), both.std(axis=0) + 1e-6
-    if known is not None:
-        mean, scale = known.mean, known.scale
     is_lump = np.arange(len(both)) < len(found)
     if known is None:
-        fit = logistic(expand(both, mean, scale), is_lump, _LUMP_RIDGE)
+        mean, scale, ridge, towards = both.mean(axis=0), both.std(axis=0) + 1e-6, _LUMP_RIDGE, None
     else:
-        fit = logistic(expand(both, mean, scale), is_lump, _TRUST, known.weights)
+        mean, scale, ridge, towards = known.mean, known.scale, _TRUST, known.weights
+    fit = logistic(expand(both, mean, scale), is_lump, ridge, towards)
     return LumpLikelihood(mean, scale, fit.weights, fit.offset, 1.0, np.inf)
 
 

@@ -96,6 +96,12 @@ class LumpObservation:
         return bounded(self.score(states), self.share, self.likelihood.bound)
 
 
+def neutral() -> LumpLikelihood:
+    """One without an opinion, to ask for features."""
+    n = len(FEATURES)
+    return LumpLikelihood(np.zeros(n), np.ones(n), np.zeros(WEIGHTS), 0.0, 1.0, inf)
+
+
 def expand(
     features: NDArray[np.float64], mean: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:

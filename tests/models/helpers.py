@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from models.births import PolygonBirths, polygon_births
@@ -97,6 +98,30 @@ def whole_picture(gray: Image) -> Roi:
     """The region that covers all of a picture, unscaled."""
     height, width = gray.shape
     return make_roi([(0, 0), (1, 0), (1, 1), (0, 1)], width, height, max(width, height))
+
+
+def gradients(picture: Array, reach: int) -> tuple[Array, Array]:
+    """|dx| and |dy| between the pixels `reach` to both sides; the outer ones are repeated beyond the edge."""
+    p, n = np.pad(picture, reach, mode="edge"), reach
+    return np.abs(p[n:-n, 2 * n :] - p[n:-n, : -2 * n]), np.abs(p[2 * n :, n:-n] - p[: -2 * n, n:-n])
+
+
+def patch_on_noise(seed: int, contrast: int) -> Image:
+    """Noise of 90 x 120 px with a brighter patch."""
+    gray = np.random.default_rng(seed).integers(0, 130, (90, 120)).astype(np.uint8)
+    gray[30:60, 40:80] += np.uint8(contrast)
+    return gray
+
+
+def patches_on_noise() -> st.SearchStrategy[Image]:
+    """Such pictures."""
+    return st.builds(patch_on_noise, st.integers(0, 2**32), st.integers(0, 120))
+
+
+def inside_share_of_noise(x: float, y: float, w: float, h: float) -> float:
+    """How much of a box lies in such a picture."""
+    across, down = min(x + w / 2, 120) - max(x - w / 2, 0), min(y + h / 2, 90) - max(y - h / 2, 0)
+    return across * down / (w * h)
 
 
 def area_under_roc(found: Array, missed: Array) -> float:

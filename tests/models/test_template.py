@@ -8,11 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.likelihood.lump import FEATURES, MEASURES, WEIGHTS, LumpLikelihood
+from models.likelihood.lump import FEATURES, MEASURES, neutral
 from models.likelihood.sums import COARSE, REACH
 from models.likelihood.template import CELLS, CHANNELS, COLUMNS, NAMES, SPAN
 from models.roi import Image, Roi, make_roi
-from tests.models.helpers import box, boxes, whole_picture
+from tests.models.helpers import (
+    box,
+    boxes,
+    gradients,
+    inside_share_of_noise,
+    patches_on_noise,
+    whole_picture,
+)
 
 Array = NDArray[np.float64]
 NOISE = 2.0
@@ -20,17 +27,9 @@ NOISE = 2.0
 
 def template_of(gray: Image, roi: Roi, state: Array) -> Array:
     """The contrasts (rows, columns, channels) of a box."""
-    m = len(FEATURES)
-    model = LumpLikelihood(np.zeros(m), np.ones(m), np.zeros(WEIGHTS), 0.0, 1.0, np.inf)
-    features, valid = model.observe(roi.view(gray)).features(state)
+    features, valid = neutral().observe(roi.view(gray)).features(state)
     assert valid.all()
     return features[0, len(MEASURES) :].reshape(CELLS, COLUMNS, len(CHANNELS))
-
-
-def gradients(picture: Array, reach: int) -> tuple[Array, Array]:
-    """|dx| and |dy| between the pixels `reach` away; the border is repeated."""
-    p, n = np.pad(picture, reach, mode="edge"), reach
-    return np.abs(p[n:-n, 2 * n :] - p[n:-n, : -2 * n]), np.abs(p[2 * n :, n:-n] - p[: -2 * n, n:-n])
 
 
 def brute_template(gray: Image, x: int, y: int, w: int, h: int) -> Array:
@@ -75,20 +74,10 @@ def brute_template(gray: Image, x: int, y: int, w: int, h: int) -> Array:
 
 
 @settings(max_examples=40, deadline=None)
-@given(
-    seed=st.integers(0, 2**32),
-    x=st.integers(15, 105),
-    y=st.integers(15, 75),
-    w=st.sampled_from([25, 50]),
-    h=st.sampled_from([25, 50]),
-    contrast=st.integers(0, 120),
-)
-def test_contrasts_against_brute_force(seed: int, x: int, y: int, w: int, h: int, contrast: int) -> None:
+@given(patches_on_noise(), st.integers(15, 105), st.integers(15, 75), *[st.sampled_from([25, 50])] * 2)
+def test_contrasts_against_brute_force(gray: Image, x: int, y: int, w: int, h: int) -> None:
     """Boxes anywhere in the picture, cells that lie outside it included."""
-    gray = np.random.default_rng(seed).integers(0, 130, (90, 120)).astype(np.uint8)
-    gray[30:60, 40:80] += np.uint8(contrast)
-    inside = (min(x + w / 2, 120) - max(x - w / 2, 0)) * (min(y + h / 2, 90) - max(y - h / 2, 0))
-    if inside >= 0.76 * w * h:
+    if inside_share_of_noise(x, y, w, h) >= 0.76:
         found = template_of(gray, whole_picture(gray), boxes(1, x, y, w, h))
         assert found == pytest.approx(brute_template(gray, x, y, w, h), abs=1e-6)
 
@@ -137,8 +126,7 @@ def test_nothing_outside_the_polygon_counts() -> None:
     assert roi.shape == gray.shape
     wall = gray.copy()
     wall[roi.mask == 0] = np.where(np.arange(160) % 6 < 3, 255, 0)[None, :].repeat(120, axis=0)[roi.mask == 0]
-    m = len(FEATURES)
-    model = LumpLikelihood(np.zeros(m), np.ones(m), np.zeros(WEIGHTS), 0.0, 1.0, np.inf)
+    model = neutral()
     states = boxes(300, 0.0, 0.0, 30.0, 24.0)
     states[:, 0], states[:, 1] = rng.uniform(0, 160, 300), rng.uniform(0, 120, 300)
     plain, valid = model.observe(roi.view(gray)).features(states)
@@ -151,8 +139,7 @@ def test_nothing_outside_the_polygon_counts() -> None:
 def test_the_region_may_change_from_picture_to_picture() -> None:
     """One likelihood asked about two regions: the mask of the last does not stay."""
     gray = np.random.default_rng(5).integers(0, 255, (120, 160)).astype(np.uint8)
-    m = len(FEATURES)
-    model = LumpLikelihood(np.zeros(m), np.ones(m), np.zeros(WEIGHTS), 0.0, 1.0, np.inf)
+    model = neutral()
     state = box(60, 40, 100, 80)
     first = model.observe(tilted(160, 120).view(gray)).features(state)[0].copy()
     model.observe(whole_picture(gray).view(gray))
