@@ -74,10 +74,10 @@ class PictureSums:
 def _region(inside: NDArray[np.int32]) -> _Region:
     mask = np.diff(np.diff(inside, axis=0), axis=1).astype(np.uint8)
     height, width = mask.shape
-    columns, rows = np.arange(width), np.arange(height)
+    columns = np.arange(width)
     with_any = np.flatnonzero(mask.any(axis=1))
     nearest = np.arange(height * width).reshape(height, width)
-    for row in rows:
+    for row in range(height):
         source = with_any[np.abs(with_any - row).argmin()] if len(with_any) else row
         known = np.flatnonzero(mask[source])
         if len(known):

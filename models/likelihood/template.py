@@ -29,10 +29,7 @@ NAMES = tuple(
 """What `contrasts` measures, in order: channel, row from the top and column from the side."""
 NOISE = 2.0  # grey levels; keeps ratios of flat patches finite
 _AROUND = 1.5
-_CHANNELS = len(CHANNELS)
-
-
-_GRID, _LINES = CELLS * CELLS, CELLS + 1
+_CHANNELS, _GRID, _LINES = len(CHANNELS), CELLS * CELLS, CELLS + 1
 
 
 @njit(cache=True, error_model="numpy")
