@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import time
 from collections.abc import Iterator
@@ -41,18 +42,26 @@ class LossyNetwork:
         subprocess.run(["ip", "netns", "del", NAMESPACE], check=False, capture_output=True)
         subprocess.run(["ip", "link", "del", f"{LINK}0"], check=False, capture_output=True)
 
-    def inside(self, command: str) -> None:
-        """Run a command in the namespace."""
-        self._run(f"ip netns exec {NAMESPACE} {command}")
+    def inside(self, command: str) -> str:
+        """Run a command in the namespace; what it printed."""
+        return self._run(f"ip netns exec {NAMESPACE} {command}")
 
     def lose(self, share: float) -> None:
         """Lose this share of the packets that leave the namespace; 0 ends it."""
         self.inside("iptables -F OUTPUT")
+        self.inside("iptables -Z OUTPUT")
         if share:
             self.inside(f"iptables -A OUTPUT -m statistic --mode random --probability {share} -j DROP")
 
-    def _run(self, command: str) -> None:
-        subprocess.run(command.split(), check=True, capture_output=True)
+    def lost(self) -> float:
+        """The share of the packets that did get lost since `lose` was called, by the kernel's counters."""
+        table = self.inside("iptables -nvxL OUTPUT")
+        passed = int(re.search(r"policy ACCEPT (\d+) packets", table)[1])  # type: ignore[index]
+        dropped = sum(int(line.split()[0]) for line in table.splitlines() if " DROP " in line)
+        return dropped / (dropped + passed)
+
+    def _run(self, command: str) -> str:
+        return subprocess.run(command.split(), check=True, capture_output=True, text=True).stdout
 
 
 def no_network() -> str | None:
@@ -130,10 +139,13 @@ def test_some_packets_are_lost(site: Site, record: Record) -> None:
     began, before = time.monotonic(), received()
     outside.raised("lossy", began)
     outside.raised("lossy", time.monotonic())
-    rate = (received() - before) / (time.monotonic() - began)
+    rate, lost = (received() - before) / (time.monotonic() - began), site.network.lost()
     site.network.lose(0.0)
-    assert rate < 0.95 * FPS
-    assert all(one.state != "BLIND" for one in outside.since("lossy", began))
+    # How many pictures this costs depends on how many packets each one takes: that is reported, not asked.
+    assert 0.1 < lost < 0.3
+    # By chance so many packets in a row are lost that the stream stops; then, and only then, it may be blind.
+    reasons = {one.reason for one in outside.since("lossy", began) if one.state == "BLIND"}
+    assert reasons <= {"no_stream"}
     record(
         Row(
             "20 % of packets lost", "iptables' statistic module in a network namespace, RTP over UDP",
