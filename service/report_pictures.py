@@ -8,10 +8,11 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from models.learning.learned import Learned, LumpFit
 from models.learning.validation import Bin
-from models.likelihood.lump import FEATURES, MEASURES
+from models.likelihood.lump import FEATURES, MEASURES, WEIGHTS
 from models.likelihood.template import CELLS, CHANNELS, COLUMNS, SPAN
 from models.roi import Image, Roi
 from models.state import VX, VY, H, W, X, Y, blank
@@ -23,6 +24,7 @@ from service.validation import HeldOut, Judged
 
 _STEP = 4
 _SKETCH_W, _SKETCH_H = 220, 44
+SHOWN_PATTERNS = 4
 _GREEN, _RED = (90, 200, 90), (60, 60, 235)
 
 
@@ -116,15 +118,30 @@ def reliability_png(bins: Sequence[Bin]) -> bytes:
 
 def template_png(fit: LumpFit) -> bytes:
     """What each cell of the template says, over the box that it belongs to, one panel a channel."""
-    weights = fit.weights[len(MEASURES) : len(FEATURES)].reshape(CELLS, COLUMNS, len(CHANNELS))
-    whole = np.concatenate([weights, weights[:, CELLS - COLUMNS - 1 :: -1]], axis=1)
-    most = max(float(np.abs(whole).max()), 1e-9)
-    fig = figure(2.5 * len(CHANNELS), 2.7)
+    return _cells_png([("", fit.weights)])
+
+
+def patterns_png(fit: LumpFit) -> bytes:
+    """The patterns with the most weight, a row each: what each cell adds to it."""
+    weights = fit.weights[WEIGHTS:]
+    order = np.argsort(-np.abs(weights), kind="stable")[:SHOWN_PATTERNS]
+    return _cells_png([(f"{weights[k]:+.2f}", fit.patterns.directions[k]) for k in order])
+
+
+def _cells_png(rows: Sequence[tuple[str, NDArray[np.float64]]]) -> bytes:
+    """Rows of numbers of the features, each with a name, as one panel a channel."""
+    fig = figure(2.5 * len(CHANNELS), 2.7 * len(rows))
     margin = 0.5 * (1.0 - 1.0 / SPAN)
-    for k, panel in enumerate(fig.subplots(1, len(CHANNELS))):
-        panel.imshow(whole[..., k], cmap="RdBu", vmin=-most, vmax=most, extent=(0, 1, 1, 0))
-        panel.plot(*zip(*_corners(margin, 1.0 - margin), strict=True), color="black", lw=1)
-        panel.set(title=CHANNELS[k].replace("_", " "), xticks=[], yticks=[])
+    for (name, numbers), panels in zip(
+        rows, fig.subplots(len(rows), len(CHANNELS), squeeze=False), strict=True
+    ):
+        cells = numbers[len(MEASURES) : len(FEATURES)].reshape(CELLS, COLUMNS, len(CHANNELS))
+        whole = np.concatenate([cells, cells[:, CELLS - COLUMNS - 1 :: -1]], axis=1)
+        most = max(float(np.abs(whole).max()), 1e-9)
+        for k, panel in enumerate(panels):
+            panel.imshow(whole[..., k], cmap="RdBu", vmin=-most, vmax=most, extent=(0, 1, 1, 0))
+            panel.plot(*zip(*_corners(margin, 1.0 - margin), strict=True), color="black", lw=1)
+            panel.set(title=f"{CHANNELS[k].replace('_', ' ')} {name}", xticks=[], yticks=[])
     return _png(fig)
 
 

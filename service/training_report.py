@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.learning.learned import Learned, LumpFit
-from models.likelihood.lump import FEATURES, MEASURES
+from models.likelihood.lump import FEATURES, MEASURES, WEIGHTS
 from service import html
 from service.clips import Material
 from service.config import JdtConfig, LumpConfig, NetworkConfig, RoiConfig
 from service.report_pictures import (
     moment_bgr,
+    patterns_png,
     places_png,
     prior_png,
     reliability_png,
@@ -209,7 +210,7 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
         return html.section(
             title, [html.paragraph("The likeness of its histogram to that of the labelled lumps.")]
         )
-    linear, square = fit.weights[: len(FEATURES)], fit.weights[len(FEATURES) :]
+    linear, square = fit.weights[: len(FEATURES)], fit.weights[len(FEATURES) : WEIGHTS]
     order = np.argsort(-(np.abs(linear) + np.abs(square))[: len(MEASURES)])
     rows = [
         (
@@ -241,6 +242,17 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
             "note",
         ),
     ]
+    if len(fit.patterns.offsets):
+        parts += [
+            html.paragraph(
+                f"{len(fit.patterns.offsets)} patterns tell what several of these say together, such as a crease at "
+                "any of several places. They were learned elsewhere; this footage weighed them anew. Those with the "
+                "most weight, a row each: blue adds to the pattern, red takes from it, and the number is what the "
+                "pattern at its strongest adds to the log likelihood ratio.",
+                "note",
+            ),
+            html.picture(patterns_png(fit), "the patterns with the most weight, cell by cell"),
+        ]
     return html.section(title, parts)
 
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from models.density import GridDensity
 from models.learning import LumpFit
-from models.likelihood.lump import FEATURES, expand
+from models.likelihood.lump import FEATURES, expand, standardised
+from models.likelihood.patterns import Patterns
 from models.state import X, Y
 from service.store.prior import PriorError, decode, encode
 from tests.service_helpers import bright_fit, camera, learned, lump_fit, prior, same
@@ -191,7 +192,27 @@ def test_a_prior_from_before_the_template_goes_on_as_it_was() -> None:
     features = rng.normal(size=(20, len(FEATURES)))
     z = (features[:, :8] - before.mean) / before.scale
     eight = np.clip(z, -5, 5) @ before.weights[:8] + np.clip(z, -5, 5) ** 2 @ before.weights[8:]
-    assert expand(features, fit.mean, fit.scale) @ fit.weights == pytest.approx(eight)
+    assert expand(standardised(features, fit.mean, fit.scale), fit.patterns) @ fit.weights == pytest.approx(
+        eight
+    )
+
+
+def test_patterns_are_kept() -> None:
+    rng = np.random.default_rng(0)
+    patterns = Patterns(rng.normal(size=(3, len(FEATURES))), rng.normal(size=3))
+    fit = replace(lump_fit(), weights=rng.normal(size=2 * len(FEATURES) + 3), patterns=patterns)
+    kept = decode(encode(prior(learned(likelihood=fit))), "demo").learned.likelihood
+    assert isinstance(kept, LumpFit)
+    assert np.array_equal(kept.patterns.directions, patterns.directions)
+    assert np.array_equal(kept.patterns.offsets, patterns.offsets)
+    assert np.array_equal(kept.weights, fit.weights)
+    for wrong in (
+        replace(fit, weights=fit.weights[:-1]),
+        replace(fit, patterns=Patterns(patterns.directions[:, 1:], patterns.offsets)),
+        replace(fit, patterns=Patterns(patterns.directions, patterns.offsets[1:])),
+    ):
+        with pytest.raises(PriorError):
+            decode(encode(prior(learned(likelihood=wrong))), "demo")
 
 
 def test_an_array_file_in_place_of_an_archive_is_refused() -> None:

@@ -1,7 +1,9 @@
 """Learning from labelled footage: motion models and their switching, row profile, likelihood."""
 
-from models.learning.fit import LabelledView, LogisticFit, fit_histogram, fit_lump
+from models.learning.examples import LabelledView
+from models.learning.fit import fit_histogram, fit_lump
 from models.learning.learned import HistogramFit, Learned, LumpFit
+from models.learning.logistic import LogisticFit
 from models.learning.motion import MotionFit, fit_motion
 from models.learning.tracks import Samples, Track, samples
 

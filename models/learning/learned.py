@@ -5,13 +5,15 @@ Lengths are in ROI heights, so that a prior holds for any working size of the sa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.density import GridDensity
 from models.likelihood.histogram import Channel
+from models.likelihood.lump import FEATURES
+from models.likelihood.patterns import Patterns, no_patterns
 from models.motion_prior import CellVelocities
 from models.profile import RowProfile
 
@@ -29,6 +31,7 @@ class LumpFit:
     offset: float
     looks_per_s: float = DEFAULT_LOOKS_PER_S
     """How many independent looks a second of frames is worth: neighbouring frames repeat each other."""
+    patterns: Patterns = field(default_factory=lambda: no_patterns(len(FEATURES)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from scipy.special import expit
 
 from models.births import PolygonBirths
 from models.evaluation import overlaps
-from models.learning.fit import LabelledView
+from models.learning.examples import LabelledView
 from models.likelihood import Likelihood
 from models.state import H, States, W, X, Y
 

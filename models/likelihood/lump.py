@@ -2,8 +2,9 @@
 
 A lump differs from the rubble around it: its surface is smoother or rougher, brighter or darker, and
 it has an outline. Eight measures of a box against the ring around it, and the contrasts of a grid of cells
-(`template`), are weighed by a logistic regression, with their squares. Trained on equally many
-boxes with and without a lump, its logit is the log likelihood ratio. All features come from integral
+(`template`), are weighed by a logistic regression, with their squares and with what several of them say
+together (`patterns`). Trained on equally many boxes with and without a lump, its logit is the log likelihood
+ratio. All features come from integral
 images, so a box costs the same whatever its size; all are ratios or differences, so that a change of light
 cancels; and nothing outside the polygon counts.
 """
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from models.likelihood import template
 from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside, box_sum
+from models.likelihood.patterns import Patterns, no_patterns
 from models.likelihood.sums import PictureSums, brightness_of, sums_of
 from models.likelihood.template import NOISE, contrasts, scratch
 from models.roi import View
@@ -38,7 +40,7 @@ MEASURES = (
 FEATURES = (*MEASURES, *template.NAMES)
 """What `features` tells, in order."""
 WEIGHTS = 2 * len(FEATURES)
-"""Of the features, and of their squares."""
+"""Of the features, and of their squares; further ones are those of patterns."""
 
 _INNER, _RING, _BAND = 0.7, 1.5, 1.2
 _LIMIT = 5.0  # standard deviations
@@ -54,13 +56,14 @@ class LumpLikelihood:
     scale: NDArray[np.float64]
     """Standard deviation of each feature in training (68,)."""
     weights: NDArray[np.float64]
-    """Weights of the standardised features, and of their squares (136,)."""
+    """Weights of the standardised features, of their squares, and of the patterns (136 + k,)."""
     offset: float
     evidence: float
     """Share of a frame's log ratio that counts, where `looks_per_s` is not given."""
     bound: float
     looks_per_s: float | None = None
     """How many independent looks a second of frames is worth."""
+    patterns: Patterns = field(default_factory=lambda: no_patterns(_FEATURES))
     _sums: PictureSums = field(default_factory=PictureSums, repr=False)
 
     def observe(self, view: View, dt: float = inf) -> LumpObservation:
@@ -87,9 +90,12 @@ class LumpObservation:
     def score(self, states: States) -> NDArray[np.float64]:
         """The untempered logit (n,); -inf for a box that leaves the polygon."""
         model = self.likelihood
+        linear, square, joint = np.split(model.weights, (_FEATURES, WEIGHTS))
+        directions, offsets = np.ascontiguousarray(model.patterns.directions.T), model.patterns.offsets
         return _scores(
-            self.sums, self.inside, states, LEAST_INSIDE, model.mean, model.scale, model.weights, model.offset
-        )
+            self.sums, self.inside, states, LEAST_INSIDE, model.mean, model.scale, model.offset,
+            linear, square, directions, offsets, joint,
+        )  # fmt: skip
 
     def log_ratio(self, states: States) -> NDArray[np.float64]:
         """See `Observation`."""
@@ -102,12 +108,16 @@ def neutral() -> LumpLikelihood:
     return LumpLikelihood(np.zeros(n), np.ones(n), np.zeros(WEIGHTS), 0.0, 1.0, inf)
 
 
-def expand(
+def standardised(
     features: NDArray[np.float64], mean: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Standardised features, limited to five standard deviations, and their squares (n, 136)."""
-    z = np.clip((features - mean) / scale, -_LIMIT, _LIMIT)
-    return np.hstack([z, z * z])
+    """Features (n, 68) in standard deviations from their mean, limited to five of them."""
+    return np.clip((features - mean) / scale, -_LIMIT, _LIMIT)
+
+
+def expand(z: NDArray[np.float64], patterns: Patterns) -> NDArray[np.float64]:
+    """What the weights belong to: standardised features, their squares, and the patterns' responses (n, 136 + k)."""
+    return np.hstack([z, z * z, patterns.responses(z)])
 
 
 @njit(cache=True, error_model="numpy")
@@ -165,15 +175,24 @@ def _features(sums, inside, states, least_inside):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, error_model="numpy")
-def _scores(sums, inside, states, least_inside, mean, scale, weights, offset):  # type: ignore[no-untyped-def]
-    """The features, expanded as by `expand`, times the weights."""
+def _scores(  # type: ignore[no-untyped-def]
+    sums, inside, states, least_inside, mean, scale, offset, linear, square, directions, offsets, joint
+):
+    """The features, expanded as by `expand`, times the weights; `directions` are columns (68, k)."""
     out = np.full(len(states), -np.inf)
     features, cells, per_scale = np.empty(_FEATURES), scratch(), 1.0 / scale
+    count = len(offsets)
+    along = np.empty(count)
     for i in range(len(states)):
         if _measure(sums, inside, states[i], least_inside, cells, features):
             score = offset
+            along[:] = offsets
             for k in range(_FEATURES):
                 z = min(max((features[k] - mean[k]) * per_scale[k], -_LIMIT), _LIMIT)
-                score += z * (weights[k] + z * weights[_FEATURES + k])
+                score += z * (linear[k] + z * square[k])
+                for p in range(count):
+                    along[p] += z * directions[k, p]
+            for p in range(count):
+                score += joint[p] * along[p] / (1.0 + abs(along[p]))
             out[i] = score
     return out

@@ -109,7 +109,14 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
             )
         looks = fit.looks_per_s if wanted.evidence is None else None
         return LumpLikelihood(
-            fit.mean, fit.scale, fit.weights, fit.offset, wanted.evidence or 1.0, wanted.bound, looks
+            fit.mean,
+            fit.scale,
+            fit.weights,
+            fit.offset,
+            wanted.evidence or 1.0,
+            wanted.bound,
+            looks,
+            fit.patterns,
         )
     if not isinstance(fit, HistogramFit):
         raise PriorMismatchError("likelihood kind histogram needs a trained prior: run lumpwatch train")

@@ -23,6 +23,7 @@ from models.density import COMPONENTS, GridDensity
 from models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, Learned, LumpFit
 from models.likelihood.histogram import BINS
 from models.likelihood.lump import FEATURES, MEASURES
+from models.likelihood.patterns import Patterns, no_patterns
 from models.motion_prior import VELOCITY_BINS, CellVelocities
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
@@ -118,6 +119,8 @@ def encode(prior: Prior) -> bytes:
             "fit_weights": fit.weights,
             "fit_line": np.array([fit.offset]),
         }
+        if len(fit.patterns.offsets):
+            arrays |= {"fit_directions": fit.patterns.directions, "fit_offsets": fit.patterns.offsets}
     else:
         arrays |= {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
     if learned.birth_places is not None:
@@ -171,19 +174,34 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
     return CellVelocities(float(cell), float(fastest), counts)
 
 
-def _lump(arrays: dict[str, NDArray[Any]]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Mean, scale and weights of a lump's features; of a prior from before the template its weights are zero."""
+def _lump(arrays: dict[str, NDArray[Any]]) -> LumpFit:
+    """A lump's likelihood; in a prior from before the template, or before the patterns, their weights are zero."""
     mean, scale, weights = arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"]
     known = len(mean)
     if known not in (len(MEASURES), len(FEATURES)):
         raise ValueError(f"fit_mean has shape {mean.shape}")
-    for key, shape in {"fit_mean": (known,), "fit_scale": (known,), "fit_weights": (2 * known,)}.items():
+    patterns = no_patterns(len(FEATURES))
+    if "fit_directions" in arrays:
+        patterns = Patterns(arrays["fit_directions"], arrays["fit_offsets"])
+    count = len(patterns.offsets)
+    shapes: dict[str, tuple[int, ...]] = {
+        "fit_mean": (known,), "fit_scale": (known,), "fit_weights": (2 * known + count,), "fit_line": (1,),
+    }  # fmt: skip
+    if count:
+        shapes |= {"fit_directions": (count, known), "fit_offsets": (count,)}
+    for key, shape in shapes.items():
         if arrays[key].shape != shape:
             raise ValueError(f"{key} has shape {arrays[key].shape}")
     more = len(FEATURES) - known
-    linear, square = np.pad(weights[:known], (0, more)), np.pad(weights[known:], (0, more))
-    wide_scale = np.pad(scale, (0, more), constant_values=1.0)
-    return np.pad(mean, (0, more)), wide_scale, np.concatenate([linear, square])
+    linear, square, joint = np.split(weights, (known, 2 * known))
+    return LumpFit(
+        mean=np.pad(mean, (0, more)),
+        scale=np.pad(scale, (0, more), constant_values=1.0),
+        weights=np.concatenate([np.pad(linear, (0, more)), np.pad(square, (0, more)), joint]),
+        offset=float(arrays["fit_line"][0]),
+        looks_per_s=_looks(arrays),
+        patterns=patterns,
+    )
 
 
 def _looks(arrays: dict[str, NDArray[Any]]) -> float:
@@ -214,12 +232,11 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         arrays["density_values"],
     )
     first, step = arrays["profile_rows"]
-    line = arrays["fit_line"]
     fit: LumpFit | HistogramFit
     if meta["likelihood"] == "lump":
-        mean, scale, weights = _lump(arrays)
-        fit = LumpFit(mean, scale, weights, float(line[0]), _looks(arrays))
+        fit = _lump(arrays)
     else:
+        line = arrays["fit_line"]
         fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
     knots, axes = len(arrays["profile_mean"]), len(density.components)
     shapes: dict[str, tuple[int, ...]] = {
@@ -234,9 +251,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         "births": (m,),
         "label_counts": (m,),
     }
-    if isinstance(fit, LumpFit):
-        shapes |= {"fit_line": (1,)}
-    else:
+    if isinstance(fit, HistogramFit):
         shapes |= {"fit_reference": (BINS,), "fit_line": (2,)}
     for key, shape in shapes.items():
         if arrays[key].shape != shape:

@@ -9,7 +9,8 @@ from scipy.special import expit
 
 from models.births import PolygonBirths, polygon_births
 from models.learning import LabelledView, fit_histogram, fit_lump
-from models.learning.fit import logistic, misfits, mistaken
+from models.learning.examples import misfits, mistaken, tempting
+from models.learning.logistic import logistic
 from models.likelihood import HistogramLikelihood, LumpLikelihood
 from models.likelihood.base import LEAST_INSIDE, inside_share
 from models.likelihood.histogram import Channel
@@ -236,3 +237,42 @@ def test_misfits_lie_on_the_object_and_are_much_too_small_or_too_large() -> None
     for axis, size in ((X, W), (Y, H)):
         apart = np.abs(tried[:, axis] - objects[0, axis])
         assert np.all(apart <= 0.5 * np.abs(tried[:, size] - objects[0, size]) + 1e-9)
+
+
+def test_tempting_is_the_best_score_that_lies_badly_on_each_object() -> None:
+    """Brute force over the same draws: less than 0.3 of the union in common with any object, and no better one."""
+    fit = fit_lump([(labelled(1, 18), births())], np.random.default_rng(0), rounds=1)
+    model = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
+    alike = []
+    for number, item in enumerate(labelled(3, 27)):
+        seen = model.observe(item.view)
+        found = tempting(seen, item.objects, np.random.default_rng(number))
+        assert len(found) <= len(item.objects)
+        for state in found:
+            other = item.objects[0]
+            sides = [
+                min(state[i] + state[i + 6] / 2, other[i] + other[i + 6] / 2)
+                - max(state[i] - state[i + 6] / 2, other[i] - other[i + 6] / 2)
+                for i in (0, 1)
+            ]
+            common = max(sides[0], 0.0) * max(sides[1], 0.0)
+            assert 0 < common < 0.3 * (state[W] * state[H] + other[W] * other[H] - common)
+            usual = misfits(np.repeat(item.objects, 9, axis=0), np.random.default_rng(7))
+            alike.append(seen.score(found)[0] - np.median(seen.score(usual)))
+    assert len(alike) > 10
+    assert np.median(alike) > 0
+
+
+def test_the_score_is_calibrated_against_ore_alone() -> None:
+    """Boxes that lie badly on a lump teach its place, and do not make the lump doubtful: its box stays above zero."""
+    fit = fit_lump([(labelled(1, 18), births())], np.random.default_rng(0))
+    model = LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf)
+    whole, half = [], []
+    for item in labelled(5, 18):
+        seen = model.observe(item.view)
+        whole.append(seen.score(item.objects))
+        part = item.objects.copy()
+        part[:, W : H + 1] *= 0.5
+        half.append(seen.score(part))
+    assert np.median(np.concatenate(whole)) > 0
+    assert np.median(np.concatenate(whole) - np.concatenate(half)) > 1

@@ -10,7 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.likelihood.lump import FEATURES, MEASURES, WEIGHTS, LumpLikelihood, LumpObservation, expand
+from models.likelihood.lump import (
+    FEATURES,
+    MEASURES,
+    WEIGHTS,
+    LumpLikelihood,
+    LumpObservation,
+    expand,
+    standardised,
+)
+from models.likelihood.patterns import Patterns, no_patterns
 from models.roi import Image
 from tests.models.helpers import (
     box,
@@ -182,25 +191,39 @@ def test_slivers_are_no_objects(w: float, h: float) -> None:
     assert not observe(rubble_with_lump()).features(boxes(1, 60, 50, w, h))[1].any()
 
 
-def test_score_is_the_logistic_of_the_features() -> None:
+@pytest.mark.parametrize("count", [0, 3])
+def test_score_is_the_logistic_of_the_features(count: int) -> None:
     rng = np.random.default_rng(1)
+    patterns = Patterns(rng.normal(size=(count, M)), rng.normal(size=count))
     model = LumpLikelihood(
-        rng.normal(size=M), rng.uniform(0.5, 2, M), rng.normal(size=WEIGHTS), 0.7, 0.3, 1.0
+        rng.normal(size=M),
+        rng.uniform(0.5, 2, M),
+        rng.normal(size=WEIGHTS + count),
+        0.7,
+        0.3,
+        1.0,
+        patterns=patterns,
     )
     gray = rubble_with_lump()
     seen = model.observe(whole_picture(gray).view(gray))
     for state in (LUMP, GROUND):
         z = (seen.features(state)[0][0] - model.mean) / model.scale
         z = np.array([min(max(value, -5.0), 5.0) for value in z])
-        logit = sum(w * v for w, v in zip(model.weights, [*z, *z**2], strict=True)) + 0.7
+        along = [
+            sum(a * b for a, b in zip(row, z, strict=True)) for row in patterns.directions
+        ] + patterns.offsets
+        squashed = [value / (1.0 + abs(value)) for value in along]
+        logit = sum(w * v for w, v in zip(model.weights, [*z, *z**2, *squashed], strict=True)) + 0.7
         assert seen.score(state)[0] == pytest.approx(logit, abs=1e-9)
         assert seen.log_ratio(state)[0] == pytest.approx(min(max(0.3 * logit, -1.0), 1.0), abs=1e-9)
 
 
 def test_expand_by_hand() -> None:
-    """(7 - 1) / 2 = 3 and its square 9; (100 - 0) / 1 is limited to 5, and 25."""
-    expanded = expand(np.array([[7.0, 100.0]]), np.array([1.0, 0.0]), np.array([2.0, 1.0]))
-    assert np.array_equal(expanded, [[3.0, 5.0, 9.0, 25.0]])
+    """(7 - 1) / 2 = 3 and its square 9; (100 - 0) / 1 is limited to 5, and 25; 3 - 5 - 2 = -4 gives -4 / 5."""
+    z = standardised(np.array([[7.0, 100.0]]), np.array([1.0, 0.0]), np.array([2.0, 1.0]))
+    assert np.array_equal(expand(z, no_patterns(2)), [[3.0, 5.0, 9.0, 25.0]])
+    patterns = Patterns(np.array([[1.0, -1.0]]), np.array([-2.0]))
+    assert np.array_equal(expand(z, patterns), [[3.0, 5.0, 9.0, 25.0, -0.8]])
 
 
 def test_next_picture_replaces_the_last() -> None:

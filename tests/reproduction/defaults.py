@@ -1,7 +1,7 @@
 """Fits what ships with the product: `python -m tests.reproduction.defaults lump`, then `… defaults demo`.
 
 service/default_lump.py        the lump likelihood of a ROI without a prior, and where training starts: from
-                               24 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
+                               144 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
 service/feed/demo.prior        the prior of the demo, trained on 90 s of the simulated feed
 """
 
@@ -12,6 +12,7 @@ import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 import service
@@ -19,7 +20,7 @@ from models.births import polygon_births
 from models.learning import LabelledView, LumpFit, fit_lump
 from models.learning.fit import Scene
 from models.profile import default_profile
-from models.roi import make_roi
+from models.roi import Image, make_roi
 from models.state import H, W, X, Y, blank
 from service.cli.demo import CAMERA, ROI, demo_config
 from service.config import JdtConfig, parse
@@ -39,14 +40,26 @@ from __future__ import annotations
 import numpy as np
 
 from models.learning.learned import LumpFit
+from models.likelihood.patterns import Patterns
 
+# fmt: off
 '''
+
+
+PATTERNS = 32
+SEEDS = 6
+"""Feeds of each look and style."""
+EVERY = 30
+"""Of their pictures one in so many is kept."""
+ALTERED = 0.5
+"""Share of the pictures that are seen as another camera might show them."""
 
 
 def lump_views(spec: FeedSpec, seconds: float, every: int) -> tuple[list[LabelledView], np.ndarray]:
     """Working pictures of a feed with its lumps, and the mask of its ROI."""
     feed = FeedSimulator(spec)
     roi = make_roi(feed.polygon, spec.width, spec.height, JdtConfig().working_size_px)
+    rng = np.random.default_rng(spec.seed)
     views = []
     for i in range(round(seconds * spec.fps)):
         if i % every:
@@ -57,8 +70,27 @@ def lump_views(spec: FeedSpec, seconds: float, every: int) -> tuple[list[Labelle
         if truths:
             boxes = np.array([[t.x, t.y, t.w, t.h] for t in truths])
             states[:, [X, Y, W, H]] = roi.to_working(boxes)
-        views.append(LabelledView(roi.view(roi.cut(picture)), states))
+        gray = roi.cut(picture)
+        if rng.random() < ALTERED:
+            gray = altered(gray, rng)
+        views.append(LabelledView(roi.view(gray), states))
     return views, roi.mask
+
+
+def altered(gray: Image, rng: np.random.Generator) -> Image:
+    """The picture of another camera: blurred or sharpened, with another gamma, contrast, brightness and noise."""
+    light = gray.astype(np.float32)
+    if rng.random() < 0.5:
+        light = cv2.GaussianBlur(light, (0, 0), rng.uniform(0.4, 1.3)).astype(np.float32)
+    elif rng.random() < 0.5:
+        light += rng.uniform(0.3, 1.0) * (light - cv2.GaussianBlur(light, (0, 0), 1.5))
+    if rng.random() < 0.5:
+        light = 255.0 * (np.clip(light, 0.0, 255.0) / 255.0) ** np.exp(rng.uniform(-0.6, 0.6))
+    if rng.random() < 0.5:
+        light = light.mean() + rng.uniform(0.5, 1.5) * (light - light.mean())
+    if rng.random() < 0.5:
+        light = light + rng.uniform(1.0, 6.0) * rng.standard_normal(light.shape)
+    return np.clip(light + rng.uniform(-20.0, 20.0), 0.0, 255.0).astype(np.uint8)
 
 
 LUMPS: dict[str, object] = {
@@ -87,14 +119,14 @@ def default_lump() -> LumpFit:
     scenes: list[Scene] = []
     for style in ("a", "b"):
         views: list[LabelledView] = []
-        for number, look in enumerate(LOOKS):
+        for number, look in enumerate(SEEDS * LOOKS):
             spec = FeedSpec.model_validate({"seed": 9000 + number, "style": style, **LUMPS, **look})
-            more, mask = lump_views(spec, seconds=60.0, every=10)
+            more, mask = lump_views(spec, seconds=60.0, every=EVERY)
             views += more
         smallest, largest = (size * mask.shape[0] for size in JdtConfig().size_h)
         profile = default_profile(mask.shape[0], smallest, largest, DEFAULT_SPEED_H_S * mask.shape[0])
         scenes.append((views, polygon_births(mask, profile, np.ones(1))))
-    return fit_lump(scenes, np.random.default_rng(1))
+    return fit_lump(scenes, np.random.default_rng(1), patterns=PATTERNS)
 
 
 def demo_prior() -> Prior:
@@ -110,14 +142,16 @@ def demo_prior() -> Prior:
 
 def _source(fit: LumpFit) -> str:
     def numbers(values: np.ndarray) -> str:
-        rows = [", ".join(f"{v:.5f}" for v in values[i : i + 8]) for i in range(0, len(values), 8)]
-        return "[\n            " + ",\n            ".join(rows) + ",\n        ]"
+        rows = [", ".join(f"{v:.5f}" for v in values[i : i + 11]) for i in range(0, len(values), 11)]
+        return "[\n        " + ",\n        ".join(rows) + ",\n    ]"
 
     fields = ",\n".join(
-        f"    {name}=np.array(\n        {numbers(getattr(fit, name))}\n    )"
-        for name in ("mean", "scale", "weights")
+        f"    {name}=np.array({numbers(getattr(fit, name))})" for name in ("mean", "scale", "weights")
     )
-    return f"{HEAD}DEFAULT_LUMP = LumpFit(\n{fields},\n    offset={fit.offset:.5f},\n)\n"
+    shape = fit.patterns.directions.shape
+    directions = f"np.array({numbers(fit.patterns.directions.ravel())}).reshape{shape}"
+    patterns = f"Patterns({directions}, np.array({numbers(fit.patterns.offsets)}))"
+    return f"{HEAD}DEFAULT_LUMP = LumpFit(\n{fields},\n    offset={fit.offset:.5f},\n    patterns={patterns},\n)\n"
 
 
 if __name__ == "__main__":
