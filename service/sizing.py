@@ -17,7 +17,7 @@ from service.config.calibration import CalibrationConfig
 from service.detection import DetectedObject, Detection, LumpSize
 from service.errors import ConfigError
 
-SHAPE_FACTOR = 1.3
+SHAPE_FACTOR = 1.25
 """A lump is longer than its silhouette shows: the longest axis seldom lies across the view."""
 SHAPE_SPREAD = 0.13
 """Standard deviation of the log of a lump's longest diameter around that of its silhouette."""

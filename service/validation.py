@@ -178,7 +178,10 @@ def _name(material: Material, lump: Lump) -> str:
 
 def _untempered(config: JdtConfig) -> JdtConfig:
     kind: LumpConfig | HistogramConfig | NetworkConfig = config.likelihood
-    likelihood = kind.model_copy(update={"evidence": 1.0, "bound": BOUND})
+    untempered: dict[str, float] = {"evidence": 1.0, "bound": BOUND}
+    if isinstance(kind, LumpConfig):
+        untempered["margin"] = 0.0
+    likelihood = kind.model_copy(update=untempered)
     return config.model_copy(update={"likelihood": likelihood})
 
 

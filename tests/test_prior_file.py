@@ -197,6 +197,21 @@ def test_a_prior_from_before_the_template_goes_on_as_it_was() -> None:
     )
 
 
+def test_a_prior_from_before_the_margin_has_none() -> None:
+    body = io.BytesIO(body_of(encode(prior(learned(likelihood=replace(lump_fit(), margin=1.75))))))
+    with np.load(body, allow_pickle=False) as archive:
+        arrays = {key: archive[key] for key in archive.files}
+    for margin in ([1.75], None):
+        arrays.pop("fit_margin")
+        if margin is not None:
+            arrays["fit_margin"] = np.array(margin)
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        fit = decode(sealed(buffer.getvalue()), "demo").learned.likelihood
+        assert isinstance(fit, LumpFit)
+        assert fit.margin == (0.0 if margin is None else 1.75)
+
+
 def test_patterns_are_kept() -> None:
     rng = np.random.default_rng(0)
     patterns = Patterns(rng.normal(size=(3, len(FEATURES))), rng.normal(size=3))

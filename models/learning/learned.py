@@ -20,6 +20,10 @@ from models.profile import RowProfile
 DEFAULT_LOOKS_PER_S = 3.75
 """Where nothing was learned: a quarter of each frame counts at 15 frames a second."""
 
+DEFAULT_MARGIN = 2.5
+"""Training looks at minutes, a filter at months: in hours of ore there are stones that look more like a lump than any
+that training saw, and one of them lies there for as long as a lump would."""
+
 
 @dataclass(frozen=True, slots=True)
 class LumpFit:
@@ -32,6 +36,8 @@ class LumpFit:
     looks_per_s: float = DEFAULT_LOOKS_PER_S
     """How many independent looks a second of frames is worth: neighbouring frames repeat each other."""
     patterns: Patterns = field(default_factory=lambda: no_patterns(len(FEATURES)))
+    margin: float = DEFAULT_MARGIN
+    """How far the score of a box must lie above even odds before it speaks for a lump."""
 
 
 @dataclass(frozen=True, slots=True)

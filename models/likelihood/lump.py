@@ -64,6 +64,8 @@ class LumpLikelihood:
     looks_per_s: float | None = None
     """How many independent looks a second of frames is worth."""
     patterns: Patterns = field(default_factory=lambda: no_patterns(_FEATURES))
+    margin: float = 0.0
+    """How far the logit must lie above zero before a box speaks for a lump."""
     _sums: PictureSums = field(default_factory=PictureSums, repr=False)
 
     def observe(self, view: View, dt: float = inf) -> LumpObservation:
@@ -99,7 +101,8 @@ class LumpObservation:
 
     def log_ratio(self, states: States) -> NDArray[np.float64]:
         """See `Observation`."""
-        return bounded(self.score(states), self.share, self.likelihood.bound)
+        model = self.likelihood
+        return bounded(self.score(states) - model.margin, self.share, model.bound)
 
 
 def neutral() -> LumpLikelihood:

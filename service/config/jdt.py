@@ -24,6 +24,9 @@ class LumpConfig(Strict):
     evidence: Positive | None = None
     """Share of a frame's log likelihood ratio that counts: neighbouring frames repeat each other. Left out: what
     `train` learned of that, or its default."""
+    margin: Annotated[float, Field(ge=-10.0, le=10.0)] | None = None
+    """How far a box's log likelihood ratio must lie above zero before it speaks for a lump. More: fewer false alarms,
+    and lumps that hardly show are missed. Left out: that of the prior, or 2.5."""
     bound: Positive = 3.0
     """Largest log likelihood ratio of one frame, so that a single frame never decides."""
 

@@ -107,7 +107,6 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
             raise PriorMismatchError(
                 "the prior holds a histogram, the configuration asks for likelihood kind lump"
             )
-        looks = fit.looks_per_s if wanted.evidence is None else None
         return LumpLikelihood(
             fit.mean,
             fit.scale,
@@ -115,8 +114,9 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
             fit.offset,
             wanted.evidence or 1.0,
             wanted.bound,
-            looks,
-            fit.patterns,
+            looks_per_s=fit.looks_per_s if wanted.evidence is None else None,
+            patterns=fit.patterns,
+            margin=fit.margin if wanted.margin is None else wanted.margin,
         )
     if not isinstance(fit, HistogramFit):
         raise PriorMismatchError("likelihood kind histogram needs a trained prior: run lumpwatch train")

@@ -114,6 +114,7 @@ def encode(prior: Prior) -> bytes:
     if isinstance(fit, LumpFit):
         arrays |= {
             "fit_looks": np.array([fit.looks_per_s]),
+            "fit_margin": np.array([fit.margin]),
             "fit_mean": fit.mean,
             "fit_scale": fit.scale,
             "fit_weights": fit.weights,
@@ -201,6 +202,7 @@ def _lump(arrays: dict[str, NDArray[Any]]) -> LumpFit:
         offset=float(arrays["fit_line"][0]),
         looks_per_s=_looks(arrays),
         patterns=patterns,
+        margin=_margin(arrays),
     )
 
 
@@ -211,6 +213,16 @@ def _looks(arrays: dict[str, NDArray[Any]]) -> float:
     if not 0.0 < looks < np.inf:
         raise ValueError(f"{looks} looks a second")
     return float(looks)
+
+
+def _margin(arrays: dict[str, NDArray[Any]]) -> float:
+    """None in a prior from before there was one: what it knows of lumps has less to spare."""
+    if "fit_margin" not in arrays:
+        return 0.0
+    (margin,) = arrays["fit_margin"]
+    if not np.isfinite(margin):
+        raise ValueError(f"a margin of {margin}")
+    return float(margin)
 
 
 def _aspect(arrays: dict[str, NDArray[Any]]) -> float:

@@ -215,7 +215,7 @@ def test_score_is_the_logistic_of_the_features(count: int) -> None:
         squashed = [value / (1.0 + abs(value)) for value in along]
         logit = sum(w * v for w, v in zip(model.weights, [*z, *z**2, *squashed], strict=True)) + 0.7
         assert seen.score(state)[0] == pytest.approx(logit, abs=1e-9)
-        assert seen.log_ratio(state)[0] == pytest.approx(min(max(0.3 * logit, -1.0), 1.0), abs=1e-9)
+        assert seen.log_ratio(state)[0] == pytest.approx(min(max(0.3 * (logit - 0.5), -1.0), 1.0), abs=1e-9)
 
 
 def test_expand_by_hand() -> None:

@@ -317,7 +317,13 @@ def make_likelihood(experiment: Experiment, fit: HistogramFit | LumpFit) -> Like
     """The appearance model, the same for all methods."""
     if isinstance(fit, LumpFit):
         return LumpLikelihood(
-            fit.mean, fit.scale, fit.weights, fit.offset, experiment.evidence, experiment.bound
+            fit.mean,
+            fit.scale,
+            fit.weights,
+            fit.offset,
+            experiment.evidence,
+            experiment.bound,
+            patterns=fit.patterns,
         )
     return HistogramLikelihood(
         fit.reference, fit.offset, fit.slope, experiment.evidence, experiment.bound, fit.channel
