@@ -19,8 +19,9 @@ from service.errors import ConfigError
 
 SHAPE_FACTOR = 1.25
 """A lump is longer than its silhouette shows: the longest axis seldom lies across the view."""
-SHAPE_SPREAD = 0.13
-"""Standard deviation of the log of a lump's longest diameter around that of its silhouette."""
+SHAPE_SPREAD = 0.09
+"""Standard deviation of the log of a lump's longest diameter around that of its silhouette. Both numbers come from
+simulated lumps, of training seeds."""
 LOOK_S = 0.5
 MOST_LOOKS = 4
 FORGET_S = 3.0

@@ -15,7 +15,7 @@ from service.detection import DetectedObject, Detection, LumpSize
 from service.errors import ConfigError
 from service.feed.geometry import Geometry
 from service.feed.spec import FeedSpec
-from service.sizing import SHAPE_FACTOR, Sizer, make_plane
+from service.sizing import SHAPE_FACTOR, SHAPE_SPREAD, Sizer, make_plane
 from tests.models.test_plane import silhouette, velocity
 
 WIDTH, HEIGHT = 640, 480
@@ -84,7 +84,7 @@ def test_more_looks_make_the_interval_narrower_but_never_nothing() -> None:
         assert size.low_mm is not None
         widths.append(log(size.high_mm / size.low_mm))
     assert widths[30] < widths[0]
-    assert widths[-1] > 2 * 1.6449 * 0.13
+    assert widths[-1] > 2 * 1.6449 * SHAPE_SPREAD
 
 
 def test_a_lump_that_is_not_whole_in_the_picture_keeps_its_size() -> None:
