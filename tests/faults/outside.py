@@ -110,7 +110,9 @@ class Outside:
 
     def act(self, key: str, **parameters: str) -> dict[str, Any]:
         """Ask the monitor for something; its answer. One that only starts may not be there yet to be asked."""
-        reply = wait_for(key, lambda: next(iter(self.bus.ask(key, parameters, timeout_s=20.0)), None), PATIENCE_S)
+        reply = wait_for(
+            key, lambda: next(iter(self.bus.ask(key, parameters, timeout_s=20.0)), None), PATIENCE_S
+        )
         assert reply.payload is not None, reply.error
         answer: dict[str, Any] = json.loads(reply.payload)
         return answer
