@@ -20,14 +20,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from models.density import COMPONENTS, GridDensity
-from models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, Learned, LumpFit
-from models.likelihood.histogram import BINS
-from models.likelihood.lump import FEATURES, MEASURES
-from models.likelihood.patterns import Patterns, no_patterns
+from models.learning.learned import HistogramFit, Learned, LumpFit
 from models.motion_prior import VELOCITY_BINS, CellVelocities
 from models.profile import RowProfile
 from service.config.cameras import RoiConfig
 from service.errors import LumpwatchError
+from service.store import fit_arrays
 from service.store.sealed import SealError, seal, unseal
 
 FORMAT = 1
@@ -111,19 +109,7 @@ def encode(prior: Prior) -> bytes:
     }
     if np.isfinite(learned.profile.aspect_spread):
         arrays["profile_aspect"] = np.array([learned.profile.aspect_spread])
-    if isinstance(fit, LumpFit):
-        arrays |= {
-            "fit_looks": np.array([fit.looks_per_s]),
-            "fit_margin": np.array([fit.margin]),
-            "fit_mean": fit.mean,
-            "fit_scale": fit.scale,
-            "fit_weights": fit.weights,
-            "fit_line": np.array([fit.offset]),
-        }
-        if len(fit.patterns.offsets):
-            arrays |= {"fit_directions": fit.patterns.directions, "fit_offsets": fit.patterns.offsets}
-    else:
-        arrays |= {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
+    arrays |= fit_arrays.told(fit)
     if learned.birth_places is not None:
         arrays["birth_places"] = learned.birth_places
     if learned.cells is not None:
@@ -175,56 +161,6 @@ def _cells(arrays: dict[str, NDArray[Any]]) -> CellVelocities | None:
     return CellVelocities(float(cell), float(fastest), counts)
 
 
-def _lump(arrays: dict[str, NDArray[Any]]) -> LumpFit:
-    """A lump's likelihood; in a prior from before the template, or before the patterns, their weights are zero."""
-    mean, scale, weights = arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"]
-    known = len(mean)
-    if known not in (len(MEASURES), len(FEATURES)):
-        raise ValueError(f"fit_mean has shape {mean.shape}")
-    patterns = no_patterns(len(FEATURES))
-    if "fit_directions" in arrays:
-        patterns = Patterns(arrays["fit_directions"], arrays["fit_offsets"])
-    count = len(patterns.offsets)
-    shapes: dict[str, tuple[int, ...]] = {
-        "fit_mean": (known,), "fit_scale": (known,), "fit_weights": (2 * known + count,), "fit_line": (1,),
-    }  # fmt: skip
-    if count:
-        shapes |= {"fit_directions": (count, known), "fit_offsets": (count,)}
-    for key, shape in shapes.items():
-        if arrays[key].shape != shape:
-            raise ValueError(f"{key} has shape {arrays[key].shape}")
-    more = len(FEATURES) - known
-    linear, square, joint = np.split(weights, (known, 2 * known))
-    return LumpFit(
-        mean=np.pad(mean, (0, more)),
-        scale=np.pad(scale, (0, more), constant_values=1.0),
-        weights=np.concatenate([np.pad(linear, (0, more)), np.pad(square, (0, more)), joint]),
-        offset=float(arrays["fit_line"][0]),
-        looks_per_s=_looks(arrays),
-        patterns=patterns,
-        margin=_margin(arrays),
-    )
-
-
-def _looks(arrays: dict[str, NDArray[Any]]) -> float:
-    if "fit_looks" not in arrays:
-        return DEFAULT_LOOKS_PER_S
-    (looks,) = arrays["fit_looks"]
-    if not 0.0 < looks < np.inf:
-        raise ValueError(f"{looks} looks a second")
-    return float(looks)
-
-
-def _margin(arrays: dict[str, NDArray[Any]]) -> float:
-    """None in a prior from before there was one: what it knows of lumps has less to spare."""
-    if "fit_margin" not in arrays:
-        return 0.0
-    (margin,) = arrays["fit_margin"]
-    if not np.isfinite(margin):
-        raise ValueError(f"a margin of {margin}")
-    return float(margin)
-
-
 def _aspect(arrays: dict[str, NDArray[Any]]) -> float:
     if "profile_aspect" not in arrays:
         return np.inf
@@ -244,12 +180,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         arrays["density_values"],
     )
     first, step = arrays["profile_rows"]
-    fit: LumpFit | HistogramFit
-    if meta["likelihood"] == "lump":
-        fit = _lump(arrays)
-    else:
-        line = arrays["fit_line"]
-        fit = HistogramFit(arrays["fit_reference"], float(line[0]), float(line[1]), meta["channel"])
+    fit = fit_arrays.known(arrays, lump=meta["likelihood"] == "lump", channel=meta["channel"])
     knots, axes = len(arrays["profile_mean"]), len(density.components)
     shapes: dict[str, tuple[int, ...]] = {
         "profile_rows": (2,),
@@ -263,8 +194,6 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         "births": (m,),
         "label_counts": (m,),
     }
-    if isinstance(fit, HistogramFit):
-        shapes |= {"fit_reference": (BINS,), "fit_line": (2,)}
     for key, shape in shapes.items():
         if arrays[key].shape != shape:
             raise ValueError(f"{key} has shape {arrays[key].shape}")
