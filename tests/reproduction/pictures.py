@@ -15,7 +15,7 @@ from service.plots import ExistenceCurves, draw_prior
 from tests.reproduction.lumps import feed_frames, train_on_feed
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
-SEED, SHOWN_FRAMES, ZOOM = 24, (110, 240, 557), 0.75
+SEED, SHOWN_FRAMES, ZOOM = 24, (110, 240, 553), 0.75
 
 
 def main() -> None:
