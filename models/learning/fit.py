@@ -9,6 +9,7 @@ the same, the logit of a logistic regression is the log likelihood ratio.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,9 +109,7 @@ def _against_ore(fit: LumpFit, found: NDArray[np.float64], ore: NDArray[np.float
     score = expand(standardised(both, fit.mean, fit.scale), fit.patterns) @ fit.weights + fit.offset
     line = logistic(score[:, None], np.arange(len(both)) < len(found), _NO_RIDGE)
     stretch = float(line.weights[0])
-    return LumpFit(
-        fit.mean, fit.scale, stretch * fit.weights, stretch * fit.offset + line.offset, patterns=fit.patterns
-    )
+    return replace(fit, weights=stretch * fit.weights, offset=stretch * fit.offset + line.offset)
 
 
 def fit_histogram(

@@ -203,7 +203,9 @@ def test_score_is_the_logistic_of_the_features(count: int) -> None:
         0.3,
         1.0,
         patterns=patterns,
+        margin=0.5,
     )
+    unbounded = replace(model, bound=np.inf)
     gray = rubble_with_lump()
     seen = model.observe(whole_picture(gray).view(gray))
     for state in (LUMP, GROUND):
@@ -216,6 +218,8 @@ def test_score_is_the_logistic_of_the_features(count: int) -> None:
         logit = sum(w * v for w, v in zip(model.weights, [*z, *z**2, *squashed], strict=True)) + 0.7
         assert seen.score(state)[0] == pytest.approx(logit, abs=1e-9)
         assert seen.log_ratio(state)[0] == pytest.approx(min(max(0.3 * (logit - 0.5), -1.0), 1.0), abs=1e-9)
+        whole = unbounded.observe(whole_picture(gray).view(gray)).log_ratio(state)[0]
+        assert whole == pytest.approx(0.3 * (logit - 0.5), abs=1e-9)
 
 
 def test_expand_by_hand() -> None:
