@@ -15,7 +15,7 @@ from service.detection import DetectedObject, Detection, LumpSize
 from service.errors import ConfigError
 from service.feed.geometry import Geometry
 from service.feed.spec import FeedSpec
-from service.sizing import SHAPE_FACTOR, SHAPE_SPREAD, Sizer, make_plane
+from service.sizing import MOST_LOOKS, SETTLING_SPREAD, SHAPE_FACTOR, SHAPE_SPREAD, Sizer, make_plane
 from tests.models.test_plane import silhouette, velocity
 
 WIDTH, HEIGHT = 640, 480
@@ -85,6 +85,20 @@ def test_more_looks_make_the_interval_narrower_but_never_nothing() -> None:
         widths.append(log(size.high_mm / size.low_mm))
     assert widths[30] < widths[0]
     assert widths[-1] > 2 * 1.6449 * SHAPE_SPREAD
+
+
+def test_the_interval_of_a_new_box_is_wider_until_it_has_settled() -> None:
+    """Measured at one place for ten seconds: what remains is the shape, and a measuring error seen four times."""
+    sizer = Sizer(calibration(), WIDTH, HEIGHT)
+    variances = []
+    for second in range(11):
+        size = one(sizer.measure(Detection(0.9, (seen(3000, 700),)), float(second)))
+        assert size.high_mm is not None
+        assert size.low_mm is not None
+        variances.append((log(size.high_mm / size.low_mm) / (2 * 1.6449)) ** 2)
+    measuring = variances[0] - SETTLING_SPREAD**2 - SHAPE_SPREAD**2
+    assert measuring > 0
+    assert variances[-1] == pytest.approx(SHAPE_SPREAD**2 + measuring / MOST_LOOKS, rel=1e-3)
 
 
 def test_a_lump_that_is_not_whole_in_the_picture_keeps_its_size() -> None:

@@ -18,6 +18,11 @@ class LogisticFit:
     offset: float
 
 
+def equal_shares(y: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """What each example counts (n,), so that both classes weigh the same and all together 1."""
+    return np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
+
+
 def logistic(
     x: NDArray[np.float64],
     y: NDArray[np.bool_],
@@ -30,7 +35,7 @@ def logistic(
     """
     if not y.any() or y.all():
         raise ValueError("both boxes with and boxes without the object are needed")
-    weight = np.where(y, 0.5 / y.sum(), 0.5 / (~y).sum())
+    weight = equal_shares(y)
     sign = np.where(y, 1.0, -1.0)
 
     # Loaded here: half of what a monitor would load, and only training needs it.

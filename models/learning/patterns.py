@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.learning.learned import LumpFit
+from models.learning.logistic import equal_shares
 from models.likelihood.lump import standardised
 from models.likelihood.patterns import Patterns
 
@@ -64,10 +65,11 @@ class Boxes:
     def of(cls, z: NDArray[np.float64], lumps: int) -> Boxes:
         """Boxes with the standardised features z (n, d), of which the first `lumps` show one."""
         is_lump = np.arange(len(z)) < lumps
-        share = np.where(is_lump, 0.5 / lumps, 0.5 / (len(z) - lumps))
         single = z.astype(np.float32)
         sign = np.where(is_lump, 1.0, -1.0).astype(np.float32)
-        return cls(single, np.hstack([single, single * single]), sign, share.astype(np.float32))
+        return cls(
+            single, np.hstack([single, single * single]), sign, equal_shares(is_lump).astype(np.float32)
+        )
 
 
 def loss(theta: NDArray[np.float64], boxes: Boxes, count: int) -> tuple[float, NDArray[np.float64]]:

@@ -35,7 +35,7 @@ def told(fit: LumpFit | HistogramFit) -> Arrays:
 def known(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | HistogramFit:
     """The fit of a lump's likelihood, or of a histogram's. Raises KeyError or ValueError where it cannot be right."""
     if lump:
-        return _lump(arrays)
+        return known_lump(arrays)
     _check(arrays, {"fit_reference": (BINS,), "fit_line": (2,)})
     offset, slope = arrays["fit_line"]
     return HistogramFit(arrays["fit_reference"], float(offset), float(slope), channel)
@@ -47,8 +47,11 @@ def _check(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> None:
             raise ValueError(f"{key} has shape {arrays[key].shape}")
 
 
-def _lump(arrays: Arrays) -> LumpFit:
-    """A lump's likelihood; in a prior from before the template, or before the patterns, their weights are zero."""
+def known_lump(arrays: Arrays) -> LumpFit:
+    """A lump's likelihood; in a prior from before the template, or before the patterns, their weights are zero.
+
+    Raises KeyError or ValueError where it cannot be right.
+    """
     mean, scale, weights = arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"]
     known = len(mean)
     if known not in (len(MEASURES), len(FEATURES)):

@@ -1,14 +1,16 @@
 """Fits what ships with the product: `python -m tests.reproduction.defaults lump`, then `… defaults demo`.
 
-service/default_lump.py        the lump likelihood of a ROI without a prior, and where training starts: from
-                               144 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
+service/default_lump.npz       the lump likelihood of a ROI without a prior, and where training starts: from
+                               288 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
 service/feed/demo.prior        the prior of the demo, trained on 90 s of the simulated feed
 """
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -30,39 +32,30 @@ from service.feed.spec import FeedSpec
 from service.feed.write import write_video
 from service.labels import read_labels
 from service.recordings import read_frames
+from service.store.fit_arrays import told
 from service.store.prior import Prior, encode
 from service.training import train
 
-HEAD = '''"""What is known of lumps before any training; made by `python -m tests.reproduction.defaults lump`."""
-
-from __future__ import annotations
-
-import numpy as np
-
-from models.learning.learned import LumpFit
-from models.likelihood.patterns import Patterns
-
-# fmt: off
-'''
-
-
-PATTERNS = 32
-SEEDS = 6
+PATTERNS = 128
+FIRST_SEED = 9200
+SEEDS = 12
 """Feeds of each look and style."""
-EVERY = 30
+SECONDS = 60.0
+EVERY = 20
 """Of their pictures one in so many is kept."""
 ALTERED = 0.5
 """Share of the pictures that are seen as another camera might show them."""
 
 
-def lump_views(spec: FeedSpec, seconds: float, every: int) -> tuple[list[LabelledView], np.ndarray]:
+def lump_views(spec: FeedSpec) -> tuple[list[LabelledView], np.ndarray]:
     """Working pictures of a feed with its lumps, and the mask of its ROI."""
+    cv2.setNumThreads(1)
     feed = FeedSimulator(spec)
     roi = make_roi(feed.polygon, spec.width, spec.height, JdtConfig().working_size_px)
     rng = np.random.default_rng(spec.seed)
     views = []
-    for i in range(round(seconds * spec.fps)):
-        if i % every:
+    for i in range(round(SECONDS * spec.fps)):
+        if i % EVERY:
             feed.skip()
             continue
         picture, truths = feed.render()
@@ -117,15 +110,18 @@ LOOKS: tuple[dict[str, object], ...] = (
 def default_lump() -> LumpFit:
     """Fit on lumps of all kinds, in every weather, in both styles."""
     scenes: list[Scene] = []
-    for style in ("a", "b"):
-        views: list[LabelledView] = []
-        for number, look in enumerate(SEEDS * LOOKS):
-            spec = FeedSpec.model_validate({"seed": 9000 + number, "style": style, **LUMPS, **look})
-            more, mask = lump_views(spec, seconds=60.0, every=EVERY)
-            views += more
-        smallest, largest = (size * mask.shape[0] for size in JdtConfig().size_h)
-        profile = default_profile(mask.shape[0], smallest, largest, DEFAULT_SPEED_H_S * mask.shape[0])
-        scenes.append((views, polygon_births(mask, profile, np.ones(1))))
+    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+        for style in ("a", "b"):
+            specs = [
+                FeedSpec.model_validate({"seed": FIRST_SEED + number, "style": style, **LUMPS, **look})
+                for number, look in enumerate(SEEDS * LOOKS)
+            ]
+            feeds = list(pool.map(lump_views, specs))
+            mask = feeds[0][1]
+            smallest, largest = (size * mask.shape[0] for size in JdtConfig().size_h)
+            profile = default_profile(mask.shape[0], smallest, largest, DEFAULT_SPEED_H_S * mask.shape[0])
+            births = polygon_births(mask, profile, np.ones(1))
+            scenes.append(([view for views, _ in feeds for view in views], births))
     return fit_lump(scenes, np.random.default_rng(1), patterns=PATTERNS)
 
 
@@ -140,25 +136,13 @@ def demo_prior() -> Prior:
     return trained.as_prior(CAMERA, roi, "simulated feed, seed 9100", datetime(2026, 1, 1, tzinfo=UTC))
 
 
-def _source(fit: LumpFit) -> str:
-    def numbers(values: np.ndarray) -> str:
-        rows = [", ".join(f"{v:.5f}" for v in values[i : i + 11]) for i in range(0, len(values), 11)]
-        return "[\n        " + ",\n        ".join(rows) + ",\n    ]"
-
-    fields = ",\n".join(
-        f"    {name}=np.array({numbers(getattr(fit, name))})" for name in ("mean", "scale", "weights")
-    )
-    shape = fit.patterns.directions.shape
-    directions = f"np.array({numbers(fit.patterns.directions.ravel())}).reshape{shape}"
-    patterns = f"Patterns({directions}, np.array({numbers(fit.patterns.offsets)}))"
-    return f"{HEAD}DEFAULT_LUMP = LumpFit(\n{fields},\n    offset={fit.offset:.5f},\n    patterns={patterns},\n)\n"
-
-
 if __name__ == "__main__":
     package = Path(service.__file__).parent
     match sys.argv[1:]:
         case ["lump"]:
-            (package / "default_lump.py").write_text(_source(default_lump()), encoding="utf-8")
+            # Half as many digits as in a prior: it is part of every installation.
+            arrays = {name: array.astype(np.float32) for name, array in told(default_lump()).items()}
+            np.savez(package / "default_lump.npz", allow_pickle=False, **arrays)
         case ["demo"]:
             (package / "feed" / "demo.prior").write_bytes(encode(demo_prior()))
         case _:
