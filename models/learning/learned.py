@@ -20,7 +20,7 @@ from models.profile import RowProfile
 DEFAULT_LOOKS_PER_S = 3.75
 """Where nothing was learned: a quarter of each frame counts at 15 frames a second."""
 
-DEFAULT_MARGIN = 2.5
+DEFAULT_MARGIN = 3.0
 """Training looks at minutes, a filter at months: in hours of ore there are stones that look more like a lump than any
 that training saw, and one of them lies there for as long as a lump would."""
 

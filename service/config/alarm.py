@@ -68,7 +68,7 @@ class AlarmConfig(AnnunciationConfig):
     """Existence must exceed this to raise the alarm."""
     clear_below: Probability = 0.5
     """Existence must fall below this to clear the alarm."""
-    oversize_above: Probability = 0.5
+    oversize_above: Probability = 0.6
     """On a calibrated belt with a limit: a lump counts from this probability of being above the limit."""
     on_delay_s: Delay = 0.2
     """How long existence must stay above `raise_above` without a break."""

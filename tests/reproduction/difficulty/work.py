@@ -73,7 +73,8 @@ class Watched:
 def digest() -> str:
     """Of everything that a result depends on."""
     root = Path(__file__).parents[3]
-    sources = [path for package in ("models", "service") for path in (root / package).rglob("*.py")]
+    packages = [path for package in ("models", "service") for path in (root / package).rglob("*")]
+    sources = [path for path in packages if path.suffix in (".py", ".npz")]
     names = [path.relative_to(root) for path in sources]
     names = [name for name in names if name.parts[1] not in _NO_MATTER]
     names += [
