@@ -164,7 +164,10 @@ def _reliable(validation: Validation) -> str:
     lean = sum(
         weight * (one.observed - one.predicted) for weight, one in zip(weights, validation.bins, strict=True)
     ) / sum(weights)
-    words = "A likelihood that can be trusted lies on the dashed line. "
+    words = (
+        "Held-out lumps, and of each of their pictures the box without a lump that looks most like one. "
+        "A likelihood that can be trusted lies on the dashed line. "
+    )
     if abs(lean) < 0.05:
         return words + "This one is close to it."
     more, less = ("more", "less") if lean > 0 else ("less", "more")

@@ -34,7 +34,6 @@ LEAD_S = 2.0
 OVERLAP = 0.3
 """Intersection over union from which an estimate lies on a lump."""
 TRIED = 400
-_SHARE_OF_BACKGROUND = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +143,7 @@ def cross_validate(
     held: list[HeldOut] = []
     failures: list[str] = []
     ratios: list[NDArray[np.float64]] = []
-    background: list[NDArray[np.float64]] = []
+    background: list[float] = []
     groups = folds(len(material.lumps), wanted)
     for number, group in enumerate(groups, start=1):
         lumps = [material.lumps[k] for k in group]
@@ -157,7 +156,7 @@ def cross_validate(
         else:
             verdicts = _verdicts(config, material, learned, lumps, rng)
             ratios += [one.objects[np.isfinite(one.objects)] for one in verdicts.values()]
-            background += [one.background[::_SHARE_OF_BACKGROUND] for one in verdicts.values()]
+            background += [one.hardest_ratio for one in verdicts.values() if one.hardest is not None]
             for lump in lumps:
                 judged = _judged(material, lump, verdicts)
                 if judged:
@@ -168,7 +167,8 @@ def cross_validate(
     if not held:
         return Validation(len(groups), (), (), tuple(failures))
     held.sort(key=lambda one: (one.lump.clip, one.judged[0].time_s))
-    bins = reliability(np.concatenate(ratios), np.concatenate(background))
+    # The score is calibrated against the boxes without a lump that look most like one: so it is judged.
+    bins = reliability(np.concatenate(ratios), np.array(background))
     return Validation(len(groups), tuple(held), bins, tuple(failures))
 
 

@@ -33,7 +33,7 @@ class Plan:
     peer_lumps: int = 4
     """Of these, those that all methods watch; the others are watched by ours only."""
     test_empty: int = 2
-    long_feeds: int = 15
+    long_feeds: int = 30
     """Lump-free feeds of LONG_S for each style."""
     matrix_lumps: int = 1
     """Test feeds of every other scene."""
