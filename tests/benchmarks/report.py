@@ -100,7 +100,8 @@ frame, the least there can be, or ten, as in clutter; finding them is not counte
 the positions, ours does not depend on what the picture shows. It works on whole arrays as well, which
 leaves less to gain than a loop over particles would; its multi-model filter also has no births and no
 existence to compute. The lump likelihood takes {len(FEATURES)} measures of each particle's box and weighs
-{len(DEFAULT_LUMP.patterns.offsets)} patterns of them, which is most of its step: it does the finding that Stone Soup leaves to a detector.
+{len(DEFAULT_LUMP.patterns.offsets)} patterns of them, which is most of its step: it does the finding that
+Stone Soup leaves to a detector.
 
 {table(peer_rows(peer)) if peer else "Left out in this run: Stone Soup is not installed."}
 
