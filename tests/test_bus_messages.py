@@ -116,6 +116,10 @@ def test_alarms_outlive_their_publisher_and_nobody_gets_them_twice(one: Bus, two
     there, plain = Log(), Log()
     two.subscribe_alarms(KEYS.alarms(), there)
     two.subscribe(KEYS.alarms(), plain)
+    # A plain subscriber fetches nothing afterwards. Declared in order: what hears this later one knows that one too.
+    declared, states = Log(), one.publisher(STATE)
+    two.subscribe(KEYS.states(), declared)
+    repeat(lambda: states.put(b"{}"), lambda: declared.calls)
     for number in (5, 6, 7):
         first.put(b"%d" % number, number)
     eventually(lambda: there.payloads == plain.payloads == [b"5", b"6", b"7"])
