@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
 
-from models.learning.learned import LumpFit
+from models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_MARGIN, LumpFit
 from service.store.fit_arrays import known_lump
 
 
@@ -16,7 +17,7 @@ def _shipped() -> LumpFit:
         np.load(file, allow_pickle=False) as archive,
     ):
         arrays = {key: archive[key].astype(np.float64) for key in archive.files}
-    return known_lump(arrays)
+    return replace(known_lump(arrays), looks_per_s=DEFAULT_LOOKS_PER_S, margin=DEFAULT_MARGIN)
 
 
 DEFAULT_LUMP = _shipped()

@@ -18,15 +18,14 @@ import cv2
 import numpy as np
 
 import service
-from models.births import polygon_births
+from models.births import PolygonBirths, polygon_births
 from models.learning import LabelledView, LumpFit, fit_lump
 from models.learning.fit import Scene
-from models.profile import default_profile
-from models.roi import Image, make_roi
+from models.roi import Image, Roi, make_roi
 from models.state import H, W, X, Y, blank
 from service.cli.demo import CAMERA, ROI, demo_config
 from service.config import JdtConfig, parse
-from service.detectors.filters import DEFAULT_SPEED_H_S
+from service.detectors.filters import make_profile
 from service.feed.simulator import FeedSimulator
 from service.feed.spec import FeedSpec
 from service.feed.write import write_video
@@ -47,9 +46,8 @@ ALTERED = 0.5
 """Share of the pictures that are seen as another camera might show them."""
 
 
-def lump_views(spec: FeedSpec) -> tuple[list[LabelledView], np.ndarray]:
-    """Working pictures of a feed with its lumps, and the mask of its ROI."""
-    cv2.setNumThreads(1)
+def lump_views(spec: FeedSpec) -> tuple[list[LabelledView], Roi]:
+    """Working pictures of a feed with its lumps, and its ROI."""
     feed = FeedSimulator(spec)
     roi = make_roi(feed.polygon, spec.width, spec.height, JdtConfig().working_size_px)
     rng = np.random.default_rng(spec.seed)
@@ -67,7 +65,7 @@ def lump_views(spec: FeedSpec) -> tuple[list[LabelledView], np.ndarray]:
         if rng.random() < ALTERED:
             gray = altered(gray, rng)
         views.append(LabelledView(roi.view(gray), states))
-    return views, roi.mask
+    return views, roi
 
 
 def altered(gray: Image, rng: np.random.Generator) -> Image:
@@ -107,20 +105,23 @@ LOOKS: tuple[dict[str, object], ...] = (
 """Kinds of lumps and looks of the place; both styles of the feed show each."""
 
 
+def default_births(roi: Roi) -> PolygonBirths:
+    """Boxes of all sizes that lumps have by default, anywhere in the ROI."""
+    return polygon_births(roi.mask, make_profile(JdtConfig().size_h, None, roi), np.ones(1))
+
+
 def default_lump() -> LumpFit:
     """Fit on lumps of all kinds, in every weather, in both styles."""
     scenes: list[Scene] = []
-    with ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
         for style in ("a", "b"):
             specs = [
                 FeedSpec.model_validate({"seed": FIRST_SEED + number, "style": style, **LUMPS, **look})
                 for number, look in enumerate(SEEDS * LOOKS)
             ]
             feeds = list(pool.map(lump_views, specs))
-            mask = feeds[0][1]
-            smallest, largest = (size * mask.shape[0] for size in JdtConfig().size_h)
-            profile = default_profile(mask.shape[0], smallest, largest, DEFAULT_SPEED_H_S * mask.shape[0])
-            births = polygon_births(mask, profile, np.ones(1))
+            births = default_births(feeds[0][1])
             scenes.append(([view for views, _ in feeds for view in views], births))
     return fit_lump(scenes, np.random.default_rng(1), patterns=PATTERNS)
 
@@ -142,6 +143,8 @@ if __name__ == "__main__":
         case ["lump"]:
             # Half as many digits as in a prior: it is part of every installation.
             arrays = {name: array.astype(np.float32) for name, array in told(default_lump()).items()}
+            for default in ("fit_looks", "fit_margin"):
+                del arrays[default]
             np.savez(package / "default_lump.npz", allow_pickle=False, **arrays)
         case ["demo"]:
             (package / "feed" / "demo.prior").write_bytes(encode(demo_prior()))
