@@ -10,12 +10,13 @@ from typing import Any
 from prometheus_client import CollectorRegistry
 from pydantic import BaseModel
 
-from service.cli import parser
-from service.config import SiteConfig
-from service.contract import MESSAGES, asyncapi
-from service.messages import StateLine
-from service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
-from service.telemetry.proof import ProofMetrics
+from lumpwatch.service.cli import parser
+from lumpwatch.service.config import SiteConfig
+from lumpwatch.service.protocol.asyncapi import asyncapi_text
+from lumpwatch.service.protocol.messages import StateLine
+from lumpwatch.service.protocol.schemas import MESSAGES
+from lumpwatch.service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
+from lumpwatch.service.telemetry.proof import ProofMetrics
 
 HERE = Path(__file__).parent / "reference"
 NOTE = "<!-- Written by `make docs` from the code; edit the code instead. -->\n"
@@ -87,7 +88,7 @@ def pages() -> dict[Path, str]:
         HERE / "messages.md": messages_page(),
         HERE / "metrics.md": metrics_page(),
         HERE / "commands.md": commands_page(),
-        HERE / "asyncapi.yaml": f"# {NOTE[5:-5]}\n{asyncapi.text()}",
+        HERE / "asyncapi.yaml": f"# {NOTE[5:-5]}\n{asyncapi_text()}",
     }
 
 

@@ -9,11 +9,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from models.roi import Image
-from service.config import CameraConfig
-from service.frames import Frame
-from service.reference import Recording, learn_reference
-from service.store.reference import Reference
+from lumpwatch.models.roi import Image
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.storage.reference_store import Reference
+from lumpwatch.service.training.picture_reference import Recording, learn_reference
 from tests.service_helpers import site, site_tree
 
 Fault = Callable[[Image, int], Image]

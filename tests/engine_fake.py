@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from service.deployment.bundle import Bundle
-from service.deployment.errors import DeployError
-from service.deployment.plan import Found
+from lumpwatch.service.deployment.bundle import Bundle
+from lumpwatch.service.deployment.errors import DeployError
+from lumpwatch.service.deployment.plan import Found
 
 
 class FakeEngine:

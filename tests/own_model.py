@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.state import VX, VY, States, X, Y
+from lumpwatch.models.state import VX, VY, States, X, Y
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from models.density import GridDensity
-from models.learning import HistogramFit, Learned, LumpFit
-from models.likelihood.lump import FEATURES
-from models.profile import RowProfile
-from models.state import Y
-from service.config import CameraConfig, SiteConfig, parse
-from service.frames import Encoding, Frame
-from service.store.prior import Prior, PriorMeta
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.learning import HistogramFit, Learned, LumpFit
+from lumpwatch.models.likelihood.lump import FEATURES
+from lumpwatch.models.state import Y
+from lumpwatch.service.config import CameraConfig, SiteConfig, parse_config
+from lumpwatch.service.core.frame import Encoding, Frame
+from lumpwatch.service.storage.prior_file import Prior, PriorMeta
 
 WIDTH, HEIGHT = 96, 64
 POLYGON = ((0.125, 0.125), (0.875, 0.125), (0.875, 0.875), (0.125, 0.875))
@@ -44,7 +44,7 @@ def site_tree(**detector: Any) -> dict[str, Any]:
 
 
 def site(tree: dict[str, Any]) -> SiteConfig:
-    return parse(json.dumps(tree), "site.yaml", {})
+    return parse_config(json.dumps(tree), "site.yaml", {})
 
 
 def camera(**detector: Any) -> CameraConfig:

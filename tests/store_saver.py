@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from service.store.priors import PriorStore, read_file
+from lumpwatch.service.storage.prior_store import PriorStore, read_file
 
 
 def main(root: str, file: str, name: str, count: str) -> None:

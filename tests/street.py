@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from service.encode import VideoWriter
+from lumpwatch.service.core.video_writer import VideoWriter
 
 WIDTH, HEIGHT, FPS = 320, 240, 15.0
 EMPTY_S = 3.0

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.acts import act_of, read
-from service.alarms import Alarm, AlarmClass, AlarmRequestError, AlarmState, Change
-from service.bus.keys import Kind
-from service.config import AlarmConfig
+from lumpwatch.service.bus.keys import Kind
+from lumpwatch.service.config import AlarmConfig
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmRequestError, AlarmState, Change
+from lumpwatch.service.protocol.commands import act_of, read
 
 CONFIG = AlarmConfig(shelve_max_s=100.0, suppress_max_s=50.0)
 WAITING = Alarm(active=True, waits=True)

@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.alarms import (
+from lumpwatch.service.config import AlarmConfig
+from lumpwatch.service.config.alarm import BlindAlarmConfig
+from lumpwatch.service.core.alarm import (
     MOST_SIGNALS,
     Alarm,
     AlarmRequestError,
@@ -20,20 +22,18 @@ from service.alarms import (
     Hold,
     Transition,
     acknowledge,
+    all_of,
     put_back,
     reset,
     shelve,
-    step,
+    step_alarm,
     suppress,
     take_out,
-    tick,
+    tick_alarm,
     unshelve,
     unsuppress,
 )
-from service.config import AlarmConfig
-from service.config.alarm import BlindAlarmConfig
-from service.pipeline import all_of
-from service.store.events import alarm_of, alarm_text
+from lumpwatch.service.storage.event_log import alarm_of, alarm_text
 
 NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, LATCHED, SHELVED, SUPPRESSED, OUT = AlarmState
 AT_ONCE = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, shelve_max_s=100.0, suppress_max_s=50.0)
@@ -102,10 +102,10 @@ def test_what_is_there_when_a_hold_ends_is_announced(
 @pytest.mark.parametrize("kind", HOLDS)
 def test_the_condition_is_judged_and_recorded_under_a_hold(kind: str) -> None:
     alarm, _ = HOLDS[kind](QUIET, 0.0)
-    alarm, came = step(alarm, AT_ONCE, 1.0, 1.0)
+    alarm, came = step_alarm(alarm, AT_ONCE, 1.0, 1.0)
     assert came == Transition(Change.ACTIVE, SHOWN[kind], SHOWN[kind], 1.0)
     assert alarm.active
-    alarm, went = step(alarm, AT_ONCE, 0.0, 2.0)
+    alarm, went = step_alarm(alarm, AT_ONCE, 0.0, 2.0)
     assert went == Transition(Change.INACTIVE, SHOWN[kind], SHOWN[kind], 2.0)
     _, made = ENDS[kind](alarm, 3.0)
     assert [one.after for one in made] == [NORMAL]  # came and went under the hold
@@ -114,7 +114,7 @@ def test_the_condition_is_judged_and_recorded_under_a_hold(kind: str) -> None:
 @pytest.mark.parametrize("kind", HOLDS)
 def test_what_waited_before_the_hold_waits_after_it_unless_acknowledged(kind: str) -> None:
     alarm, _ = HOLDS[kind](WAITING, 0.0)
-    alarm, _ = step(alarm, AT_ONCE, 0.0, 1.0)
+    alarm, _ = step_alarm(alarm, AT_ONCE, 0.0, 1.0)
     later, _ = ENDS[kind](alarm, 2.0)
     assert later.state is RETURNED
     alarm, made = acknowledge(alarm, "Eve", 1.5)
@@ -126,8 +126,8 @@ def test_what_waited_before_the_hold_waits_after_it_unless_acknowledged(kind: st
 @pytest.mark.parametrize("kind", ["shelved", "suppressed"])
 def test_shelving_and_suppression_end_by_themselves(kind: str) -> None:
     held, _ = HOLDS[kind](SEEN, 5.0)
-    assert tick(held, AT_ONCE, 14.999) == (held, ())
-    after, made = tick(held, AT_ONCE, 15.0)
+    assert tick_alarm(held, AT_ONCE, 14.999) == (held, ())
+    after, made = tick_alarm(held, AT_ONCE, 15.0)
     assert [one.change for one in made] == [
         Change.UNSHELVED if kind == "shelved" else Change.UNSUPPRESSED,
         Change.RAISED,
@@ -138,7 +138,7 @@ def test_shelving_and_suppression_end_by_themselves(kind: str) -> None:
 
 def test_out_of_service_does_not_end_by_itself() -> None:
     held, _ = HOLDS["out_of_service"](SEEN, 0.0)
-    assert tick(held, AT_ONCE, 1e9) == (held, ())
+    assert tick_alarm(held, AT_ONCE, 1e9) == (held, ())
 
 
 def test_only_the_end_of_the_last_hold_announces() -> None:
@@ -146,7 +146,7 @@ def test_only_the_end_of_the_last_hold_announces() -> None:
     alarm, _ = HOLDS["suppressed"](alarm, 0.0)
     alarm, made = HOLDS["out_of_service"](alarm, 1.0)
     assert short(made) == [("out_of_service", SUPPRESSED, OUT)]
-    alarm, made = tick(alarm, AT_ONCE, 10.0)  # both of the others end
+    alarm, made = tick_alarm(alarm, AT_ONCE, 10.0)  # both of the others end
     assert short(made) == [("unshelved", OUT, OUT), ("unsuppressed", OUT, OUT)]
     alarm, made = put_back(alarm, 11.0, "Bob")
     assert short(made) == [("in_service", OUT, RETURNED), ("raised", RETURNED, UNACKNOWLEDGED)]
@@ -163,8 +163,8 @@ def test_renewing_a_signal_is_no_change_but_prolongs() -> None:
     alarm, _ = suppress(QUIET, AT_ONCE, 0.0, "feeder", 10.0)
     alarm, made = suppress(alarm, AT_ONCE, 8.0, "feeder", 10.0)
     assert made is None
-    assert tick(alarm, AT_ONCE, 17.9)[1] == ()
-    assert [one.change for one in tick(alarm, AT_ONCE, 18.0)[1]] == [Change.UNSUPPRESSED]
+    assert tick_alarm(alarm, AT_ONCE, 17.9)[1] == ()
+    assert [one.change for one in tick_alarm(alarm, AT_ONCE, 18.0)[1]] == [Change.UNSUPPRESSED]
     assert unsuppress(alarm, 9.5, "maintenance") == (alarm, ())  # not the one that suppresses
 
 
@@ -177,8 +177,8 @@ def test_several_signals_suppress_until_the_last_one_ends() -> None:
     assert made == [Change.SUPPRESSED] * 2
     alarm, changes = unsuppress(alarm, 9.5, "feeder")
     assert short(changes) == [("unsuppressed", SUPPRESSED, SUPPRESSED)]
-    assert tick(alarm, AT_ONCE, 11.9) == (alarm, ())
-    alarm, changes = tick(alarm, AT_ONCE, 12.0)
+    assert tick_alarm(alarm, AT_ONCE, 11.9) == (alarm, ())
+    alarm, changes = tick_alarm(alarm, AT_ONCE, 12.0)
     assert [one.change for one in changes] == [Change.UNSUPPRESSED, Change.RAISED]
     assert changes[0].actor == "signal maintenance"
 
@@ -206,32 +206,32 @@ def test_a_suppression_has_a_limit(span_s: float) -> None:
 
 def test_what_nobody_acknowledges_is_announced_again() -> None:
     config = AT_ONCE.model_copy(update={"re_alarm_s": 30.0})
-    alarm, made = step(QUIET, config, 1.0, 100.0)
+    alarm, made = step_alarm(QUIET, config, 1.0, 100.0)
     assert made is not None
     again = []
     for second in range(100, 200):
-        alarm, changes = tick(alarm, config, float(second))
+        alarm, changes = tick_alarm(alarm, config, float(second))
         again += changes
     assert [(one.change, one.before, one.after, one.time_s) for one in again] == [
         (Change.RE_ALARMED, UNACKNOWLEDGED, UNACKNOWLEDGED, t) for t in (130.0, 160.0, 190.0)
     ]
-    assert tick(WAITING, AT_ONCE, 1e9) == (WAITING, ())  # not configured
+    assert tick_alarm(WAITING, AT_ONCE, 1e9) == (WAITING, ())  # not configured
     for other in (QUIET, SEEN, PAST, HOLDS["out_of_service"](WAITING, 0.0)[0]):
-        assert tick(other, config, 1e9) == (other, ())
+        assert tick_alarm(other, config, 1e9) == (other, ())
 
 
 LATCHING = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, needs_reset=True)
 
 
 def test_what_needs_a_reset_stands_until_someone_resets_it() -> None:
-    alarm, _ = step(QUIET, LATCHING, 1.0, 0.0)
+    alarm, _ = step_alarm(QUIET, LATCHING, 1.0, 0.0)
     assert reset(alarm, "Ada", 1.0) == (alarm, None)  # it is still there
-    alarm, _ = step(alarm, LATCHING, 0.0, 2.0)
+    alarm, _ = step_alarm(alarm, LATCHING, 0.0, 2.0)
     assert (alarm.state, reset(alarm, "Ada", 3.0)) == (RETURNED, (alarm, None))  # nobody has seen it
     alarm, made = acknowledge(alarm, "Ada", 4.0)
     assert made == Transition(Change.ACKNOWLEDGED, RETURNED, LATCHED, 4.0, "Ada")
     assert acknowledge(alarm, "Ada", 5.0) == (alarm, None)
-    again, made = step(alarm, LATCHING, 1.0, 6.0)
+    again, made = step_alarm(alarm, LATCHING, 1.0, 6.0)
     assert (made and made.change, again.state) == (Change.RAISED, UNACKNOWLEDGED)
     alarm, made = reset(alarm, "Bob", 7.0)
     assert made == Transition(Change.RESET, LATCHED, NORMAL, 7.0, "Bob")
@@ -240,8 +240,8 @@ def test_what_needs_a_reset_stands_until_someone_resets_it() -> None:
 
 
 def test_what_was_acknowledged_while_it_was_there_is_latched_when_it_is_over() -> None:
-    alarm, _ = acknowledge(step(QUIET, LATCHING, 1.0, 0.0)[0], "Ada", 1.0)
-    alarm, made = step(alarm, LATCHING, 0.0, 2.0)
+    alarm, _ = acknowledge(step_alarm(QUIET, LATCHING, 1.0, 0.0)[0], "Ada", 1.0)
+    alarm, made = step_alarm(alarm, LATCHING, 0.0, 2.0)
     assert made == Transition(Change.CLEARED, ACKNOWLEDGED, LATCHED, 2.0)
     assert alarm_of(alarm_text(alarm)).state is LATCHED  # a restart does not reset it
 
@@ -250,10 +250,10 @@ def test_what_was_acknowledged_while_it_was_there_is_latched_when_it_is_over() -
 def test_what_only_came_under_a_hold_is_not_latched(kind: str) -> None:
     held, _ = HOLDS[kind](QUIET, 0.0)
     for existence in (1.0, 0.0):
-        held, _ = step(held, LATCHING, existence, 1.0)
+        held, _ = step_alarm(held, LATCHING, existence, 1.0)
     assert ENDS[kind](held, 2.0)[0].state is NORMAL
-    raised, _ = acknowledge(step(QUIET, LATCHING, 1.0, 0.0)[0], "Ada", 1.0)
-    held, _ = step(HOLDS[kind](raised, 2.0)[0], LATCHING, 0.0, 3.0)
+    raised, _ = acknowledge(step_alarm(QUIET, LATCHING, 1.0, 0.0)[0], "Ada", 1.0)
+    held, _ = step_alarm(HOLDS[kind](raised, 2.0)[0], LATCHING, 0.0, 3.0)
     assert ENDS[kind](held, 4.0)[0].state is LATCHED  # it was announced before
 
 
@@ -261,7 +261,7 @@ def test_blindness_is_judged_by_the_same_machine() -> None:
     rules = BlindAlarmConfig(on_delay_s=1.0, off_delay_s=0.5, latch=True)
     alarm, made = QUIET, []
     for k in range(40):
-        alarm, change = step(alarm, rules, 1.0 if 5 <= k < 25 else 0.0, k / 10)
+        alarm, change = step_alarm(alarm, rules, 1.0 if 5 <= k < 25 else 0.0, k / 10)
         made += [change] if change else []
     assert [(one.change, one.time_s) for one in made] == [
         (Change.RAISED, 1.5),
@@ -399,7 +399,7 @@ def deed(alarm: Alarm, config: AlarmConfig, event: Event, now: float, oracle: Or
     match event.what:
         case "frame":
             oracle.frame(event.value, now)
-            return all_of(step(alarm, config, event.value, now))
+            return all_of(step_alarm(alarm, config, event.value, now))
         case "ack":
             oracle.seen = True
             return all_of(acknowledge(alarm, "Ada", now))
@@ -442,7 +442,7 @@ def test_no_history_loses_an_alarm(config: AlarmConfig, history: list[Event]) ->
         now = round(now + event.wait_s, 6)
         was = oracle.active and not oracle.until
         alarm, made = deed(alarm, config, event, now, oracle)
-        alarm, more = tick(alarm, config, now)
+        alarm, more = tick_alarm(alarm, config, now)
         oracle.until = {kind: until for kind, until in oracle.until.items() if until > now}
         stands = oracle.active and not oracle.until
         raised = [one for one in (*made, *more) if one.change is Change.RAISED]
@@ -473,5 +473,5 @@ def test_restarts_change_nothing_but_the_delay_that_runs(config: AlarmConfig, hi
     for event in history:
         now = round(now + event.wait_s, 6)
         alarm, _ = deed(alarm, config, event, now, Oracle(config))
-        alarm, _ = tick(alarm, config, now)
+        alarm, _ = tick_alarm(alarm, config, now)
         assert alarm_of(alarm_text(alarm)) == replace(alarm, since_s=None)

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.alarms import Alarm, AlarmState, Change, Transition, acknowledge, step
-from service.config import AlarmConfig
+from lumpwatch.service.config import AlarmConfig
+from lumpwatch.service.core.alarm import Alarm, AlarmState, Change, Transition, acknowledge, step_alarm
 
 NORMAL, UNACKNOWLEDGED, ACKNOWLEDGED, RETURNED, LATCHED, SHELVED, SUPPRESSED, OUT = AlarmState
 CONFIG = AlarmConfig(raise_above=0.9, clear_below=0.5, on_delay_s=0.2, off_delay_s=1.0, latch=True)
@@ -24,7 +24,7 @@ def run(
     alarm = start or Alarm()
     changes = []
     for time_s, existence in existences:
-        alarm, change = step(alarm, config, existence, time_s)
+        alarm, change = step_alarm(alarm, config, existence, time_s)
         if change is not None:
             changes.append(change)
     return alarm, changes
@@ -65,7 +65,7 @@ def test_transitions_by_existence(
 ) -> None:
     config = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, latch=latch)
     expected = (RETURNED if latch else NORMAL) if after == "latched" else after
-    alarm, made = step(at(before), config, existence, 7.0)
+    alarm, made = step_alarm(at(before), config, existence, 7.0)
     assert alarm.state is expected
     if change is None:
         assert made is None
@@ -198,7 +198,7 @@ def play(config: AlarmConfig, events: list[Event]) -> list[Transition]:
         if event.existence is None:
             alarm, change = acknowledge(alarm, "Ada", event.time_s)
         else:
-            alarm, change = step(alarm, config, event.existence, event.time_s)
+            alarm, change = step_alarm(alarm, config, event.existence, event.time_s)
         if change is not None:
             made.append(change)
             assert change.after is alarm.state

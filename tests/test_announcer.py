@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 from prometheus_client import CollectorRegistry
 
-from service.alarms import AlarmClass
-from service.announcer import LEVEL_EVERY_S, Announcer
-from service.bus.ordered import Message
-from service.detection import Detection, LumpSize
-from service.report import Clocks
-from service.store.events import Entry, KeptRecord
-from service.store.notes import Note
-from service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.bus.ordering import Message
+from lumpwatch.service.core.alarm import AlarmClass
+from lumpwatch.service.core.clock import Clocks
+from lumpwatch.service.core.detection import Detection, LumpSize
+from lumpwatch.service.monitor.announcer import LEVEL_EVERY_S, Announcer
+from lumpwatch.service.storage.event_log import Entry, KeptRecord
+from lumpwatch.service.storage.event_notes import Note
+from lumpwatch.service.telemetry.metrics import MonitorMetrics
 from tests.service_helpers import camera, frame
 from tests.test_messages import FOUND, RESULT, STARTING
 

@@ -11,13 +11,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta, chi2, poisson
 
-from service.backtest.curve import Judged, Point, Terms, curve, point_at, quiet_time, recommend, thresholds
-from service.backtest.episodes import Score, alarm_at, score, spans
-from service.backtest.intervals import NONE_SHOWS, binomial_interval, poisson_interval, poisson_upper
-from service.backtest.record import Recording
-from service.backtest.truth import Truth, truth_of
-from service.config.alarm import AlarmConfig
-from service.labels import Box
+from lumpwatch.service.config.alarm import AlarmConfig
+from lumpwatch.service.offline.backtest.curve import (
+    Judged,
+    Point,
+    Terms,
+    curve,
+    point_at,
+    quiet_time,
+    recommend,
+    thresholds,
+)
+from lumpwatch.service.offline.backtest.episodes import Score, alarm_at, score, spans
+from lumpwatch.service.offline.backtest.intervals import (
+    NONE_SHOWS,
+    binomial_interval,
+    poisson_interval,
+    poisson_upper,
+)
+from lumpwatch.service.offline.backtest.record import Recording
+from lumpwatch.service.offline.backtest.truth import Truth, truth_of
+from lumpwatch.service.storage.label_file import Box
 
 N = 100
 """Frames of a recording, ten a second: frame k + 1 is at k / 10 s."""

@@ -15,24 +15,32 @@ import cv2
 import numpy as np
 import pytest
 
-from service.alarms import Change
-from service.backtest.archive import Clip, archive
-from service.backtest.curve import Terms
-from service.backtest.episodes import spans
-from service.backtest.record import Failure, Recording, Setup, Task, record, record_all, record_frames
-from service.backtest.report import as_record, write
-from service.backtest.run import Backtest, backtest
-from service.cli import main
-from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
-from service.config import load
-from service.encode import VideoWriter
-from service.errors import ConfigError, LumpwatchError
-from service.feed.geometry import Geometry
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
-from service.labels import LabelError
-from service.pipeline import CameraPipeline
-from service.store.priors import PriorStore, read_file
+from lumpwatch.service.cli import main
+from lumpwatch.service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core.alarm import Change
+from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.offline.backtest.archive import Clip, archive
+from lumpwatch.service.offline.backtest.curve import Terms
+from lumpwatch.service.offline.backtest.episodes import spans
+from lumpwatch.service.offline.backtest.record import (
+    Failure,
+    Recording,
+    Setup,
+    Task,
+    record,
+    record_all,
+    record_frames,
+)
+from lumpwatch.service.offline.backtest.report import as_record, write_backtest
+from lumpwatch.service.offline.backtest.run import Backtest, backtest
+from lumpwatch.service.simulator.geometry import Geometry
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
+from lumpwatch.service.storage.label_file import LabelError
+from lumpwatch.service.storage.prior_store import PriorStore, read_file
 from tests.reproduction.lumps import announcements, read_states
 from tests.service_helpers import HEIGHT, WIDTH, camera, frame, picture, prior, site, site_tree
 
@@ -224,7 +232,7 @@ def test_configurations_side_by_side(folder: Path, tmp_path: Path) -> None:
     # The lump is there from 0.5 s to 2.9 s and falls at 2.4 s; the alarm waits for 0.2 s.
     assert 1.0 <= (point.warning_median_s or 0.0) <= 1.7
     assert point.quiet_h == pytest.approx((4.0 + 4.0 - 3.5) / 3600)
-    write(found, tmp_path)
+    write_backtest(found, tmp_path)
     kept = json.loads((tmp_path / "backtest.json").read_text())
     assert kept == as_record(found)
     assert [one["config"] for one in kept["results"]] == ["good", "slow"]
@@ -280,7 +288,7 @@ def test_a_prior_that_does_not_fit_is_told(folder: Path) -> None:
 def test_results_that_cannot_be_written(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(LumpwatchError, match="out: cannot be written"):
-        write(run(folder), tmp_path / "out")
+        write_backtest(run(folder), tmp_path / "out")
 
 
 # The command
@@ -311,8 +319,8 @@ def test_the_command_gives_the_same_bytes_whatever_the_number_of_workers(
 def test_the_command_agrees_with_replay_on_a_simulated_feed(tmp_path: Path, capsys: Captured) -> None:
     config = tmp_path / "site.yaml"
     config.write_text(demo_config(Path("var"), SEED))
-    with as_file(files("service.feed") / "demo.prior") as path:
-        PriorStore(load(config).store.path).save(read_file(path))
+    with as_file(files("lumpwatch.service.simulator") / "demo.prior") as path:
+        PriorStore(load_config(config).store.path).save(read_file(path))
     spec = FeedSpec.from_query(FEED, seed=SEED)
     feed = write_video(spec, 15.0, tmp_path)
     replay = ("replay", config, feed.video, "--camera", CAMERA, "--out", tmp_path / "replay")

@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from service.bus.access import COMMANDS, INTERNAL, READABLE, SIGNALS, access_control
-from service.bus.bus import Bus
-from service.bus.errors import BusError
-from service.bus.keys import Keys, Kind
-from service.bus.session import open_client, open_hub
-from service.config import load, parse
-from service.config.bus import AccessConfig, BusConfig, TlsConfig
-from service.errors import ConfigError
+from lumpwatch.service.bus.access import COMMANDS, INTERNAL, READABLE, SIGNALS, access_control
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.errors import BusError
+from lumpwatch.service.bus.keys import Keys, Kind
+from lumpwatch.service.bus.session import open_client, open_hub
+from lumpwatch.service.config import load_config, parse_config
+from lumpwatch.service.config.bus import AccessConfig, BusConfig, TlsConfig
+from lumpwatch.service.errors import ConfigError
 from tests.service_helpers import site_tree
 from tests.test_bus_support import eventually, free_endpoint
 
@@ -208,14 +208,14 @@ def test_a_file_that_is_missing_is_named(tmp_path: Path, site: dict[str, TlsConf
 )
 def test_what_does_not_go_together_is_refused(bus: dict[str, object], problem: str) -> None:
     with pytest.raises(ConfigError, match=problem):
-        parse(json.dumps(site_tree() | {"bus": bus}))
+        parse_config(json.dumps(site_tree() | {"bus": bus}))
 
 
 def test_paths_begin_at_the_configuration_file(tmp_path: Path) -> None:
     tls = {"ca": "certs/ca.pem", "certificate": "/etc/one.pem", "key": "certs/one.key"}
     file = tmp_path / "site.yaml"
     file.write_text(json.dumps(site_tree() | {"bus": {"listen": ["tls/0.0.0.0:7447"], "tls": tls}}))
-    config = load(file)
+    config = load_config(file)
     assert config.bus.tls == TlsConfig(
         ca=tmp_path / "certs/ca.pem", certificate=Path("/etc/one.pem"), key=tmp_path / "certs/one.key"
     )

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import zenoh
 
-from service.bus import codec
-from service.bus.bus import Bus
-from service.bus.errors import BusClosed, Malformation
-from service.bus.frames import FrameInbox
-from service.bus.session import open_client, open_hub
+from lumpwatch.service.bus import codec
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.errors import BusClosed, Malformation
+from lumpwatch.service.bus.frames import FrameInbox
+from lumpwatch.service.bus.session import open_client, open_hub
 from tests.test_bus_support import Child, client_config, eventually, free_endpoint, gray, hub_config, repeat
 
 KEY, JPEG_KEY = "site/c/frame", "site/c/frame/jpeg"

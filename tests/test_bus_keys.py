@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh import KeyExpr
 
-from service.bus.keys import KEY_OF, Address, Keys, Kind, on_every_site, parse
+from lumpwatch.service.bus.keys import KEY_OF, Address, Keys, Kind, on_every_site, parse
 
 names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}", fullmatch=True)
 PARTS = ["s", "c", "r", "frame", "jpeg", "state", "ack", "@alive", "heartbeat", "*", ""]

@@ -9,12 +9,12 @@ from contextlib import contextmanager
 
 import pytest
 
-from service.bus.bus import Bus
-from service.bus.errors import BusError
-from service.bus.keys import Keys
-from service.bus.messages import Reply, from_wire, to_wire
-from service.bus.ordered import Message
-from service.bus.session import open_client, open_hub
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.endpoints import Reply, from_wire, to_wire
+from lumpwatch.service.bus.errors import BusError
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.ordering import Message
+from lumpwatch.service.bus.session import open_client, open_hub
 from tests.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config, repeat
 
 KEYS = Keys("north")

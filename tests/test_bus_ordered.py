@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.bus.ordered import InOrder, Message, stamp, stamped
+from lumpwatch.service.bus.ordering import InOrder, Message, stamp, stamped
 
 ONE, TWO = "0" * 16, "f" * 16
 

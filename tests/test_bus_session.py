@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from service.bus.errors import BusClosed, BusError
-from service.bus.session import host_clock, open_client, open_hub, reachable
-from service.config.bus import BusConfig
+from lumpwatch.service.bus.errors import BusClosed, BusError
+from lumpwatch.service.bus.session import host_clock, open_client, open_hub, reachable
+from lumpwatch.service.config.bus import BusConfig
 from tests.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config, repeat
 
 

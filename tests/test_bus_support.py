@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from service.bus.session import open_client, open_hub
-from service.config.bus import BusConfig
-from service.frames import Frame
+from lumpwatch.service.bus.session import open_client, open_hub
+from lumpwatch.service.config.bus import BusConfig
+from lumpwatch.service.core.frame import Frame
 
 PATIENCE_S = 30.0
 

@@ -17,15 +17,15 @@ import cv2
 import jsonschema
 import pytest
 
-from service.cli import main
-from service.cli.alarms import describe_alarm, describe_state
-from service.cli.events import moment
-from service.config import load
-from service.errors import ConfigError
-from service.store.events import Entry, EventLog, event_file
-from service.store.prior import encode
-from service.store.priors import PriorStore, read_file
-from service.timespan import seconds
+from lumpwatch.service.cli import main
+from lumpwatch.service.cli.alarms import describe_alarm, describe_state
+from lumpwatch.service.cli.events import moment
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core.duration import seconds_of
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
+from lumpwatch.service.storage.prior_file import encode_prior
+from lumpwatch.service.storage.prior_store import PriorStore, read_file
 from tests.service_helpers import prior, site_tree
 from tests.test_bus_support import free_endpoint
 from tests.test_event_log import event
@@ -109,7 +109,7 @@ def test_the_help_names_every_command(capsys: Captured) -> None:
 
 
 def test_an_operator_does_not_wait_for_what_only_filters_need() -> None:
-    told = "import sys; from service.cli import main; main(['ack', '--help']); print('numba' in sys.modules)"
+    told = "import sys; from lumpwatch.service.cli import main; main(['ack', '--help']); print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", told], capture_output=True, text=True, timeout=60)
     assert done.stdout.splitlines()[-1] == "False"
 
@@ -221,7 +221,7 @@ def test_check_tells_of_a_damaged_prior(
     store = PriorStore(config.parent / "var")
     store.save(prior())
     store.save(prior())
-    store.path("cam", "apron", 2).write_bytes(encode(prior())[:-1])
+    store.path("cam", "apron", 2).write_bytes(encode_prior(prior())[:-1])
     told = done(capsys, "check", config)
     assert "version 1 (refused: " in told
     assert "truncated" in told
@@ -293,7 +293,7 @@ def test_a_prior_is_tried_in_shadow_promoted_and_gone_back_from(
     store = PriorStore(tmp_path / "var")
     of = ("--camera", "cam", "--roi", "apron")
     file = tmp_path / "some.prior"
-    file.write_bytes(encode(prior()))
+    file.write_bytes(encode_prior(prior()))
     told = done(capsys, "priors", "import", config, file, *of, "--shadow")
     assert "stored as version 1 and runs in shadow" in told
     assert "nothing was counted yet" in done(capsys, "priors", "shadow", config, *of)
@@ -338,7 +338,7 @@ def test_what_priors_cannot_do_is_one_line(
 
 
 def test_the_prior_of_another_roi_is_not_imported(capsys: Captured, config: Path, tmp_path: Path) -> None:
-    (tmp_path / "x.prior").write_bytes(encode(prior(roi="chute")))
+    (tmp_path / "x.prior").write_bytes(encode_prior(prior(roi="chute")))
     of = ("--camera", "cam", "--roi", "apron")
     told = failed(capsys, "priors", "import", config, tmp_path / "x.prior", *of, code=1)
     assert "belongs to camera cam, roi chute" in told
@@ -388,7 +388,7 @@ def test_a_feed_is_simulated_and_learned_from(capsys: Captured, config: Path, tm
     told = done(capsys, "train", config, *files, *of, "--plot", tmp_path / "learned.png")
     assert "prior version 1" in told
     assert cv2.imread(str(tmp_path / "learned.png")) is not None
-    stored = PriorStore(load(config).store.path).current("cam", "apron").prior
+    stored = PriorStore(load_config(config).store.path).current("cam", "apron").prior
     assert stored is not None
     assert (stored.meta.source, stored.meta.frames, stored.meta.aspect) == ("video.mp4", 40, 1.25)
     assert done(capsys, "check", config).count("version 1") == 1
@@ -429,7 +429,7 @@ def test_a_folder_that_cannot_be_made(capsys: Captured, tmp_path: Path) -> None:
 
 
 def test_nobody_to_listen_to_is_one_line(capsys: Captured, config: Path) -> None:
-    (endpoint,) = load(config).bus.listen
+    (endpoint,) = load_config(config).bus.listen
     assert endpoint in failed(capsys, "alarms", config, code=1)
 
 
@@ -463,7 +463,7 @@ def test_operating_without_a_daemon_is_one_line(capsys: Captured, config: Path) 
 @pytest.mark.parametrize("span", ["", "soon", "0", "-5m", "5 m", "5x", "nan"])
 def test_spans_that_are_none(capsys: Captured, config: Path, span: str) -> None:
     with pytest.raises(ConfigError, match="is not a time such as"):
-        seconds(span)
+        seconds_of(span)
     told = failed(capsys, "shelve", config, *OF, f"--for={span}", "--reason", "x", code=2)
     assert "is not a time such as" in told
 
@@ -473,7 +473,7 @@ def test_spans_that_are_none(capsys: Captured, config: Path, span: str) -> None:
     [("90", 90), ("90s", 90), ("30m", 1800), ("1h30m", 5400), ("1.5h", 5400), ("2d", 172_800)],
 )
 def test_spans(span: str, expected: float) -> None:
-    assert seconds(span) == expected
+    assert seconds_of(span) == expected
 
 
 def test_moments() -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from models.evaluation import METRICS, Scores
-from service.cli import main
-from service.messages import Decision, ObjectRecord, StateLine
+from lumpwatch.models.evaluation import METRICS, Scores
+from lumpwatch.service.cli import main
+from lumpwatch.service.core.decision import Decision
+from lumpwatch.service.protocol.messages import ObjectRecord, StateLine
 
 Captured = pytest.CaptureFixture[str]
 

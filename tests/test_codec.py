@@ -13,9 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.bus.codec import MAX_HEADER_BYTES, decode_frame, decode_header, encode_frame, encode_jpeg
-from service.bus.errors import Malformation, MalformedMessage
-from service.frames import Encoding, Frame
+from lumpwatch.service.bus.codec import (
+    MAX_HEADER_BYTES,
+    decode_frame,
+    decode_header,
+    encode_frame,
+    encode_jpeg,
+)
+from lumpwatch.service.bus.errors import Malformation, MalformedMessage
+from lumpwatch.service.core.frame import Encoding, Frame
 
 CLOCK = "clock-1"
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from service.config import HistogramConfig, LumpConfig, load, parse
-from service.config.cameras import polygon_area
-from service.errors import ConfigError
+from lumpwatch.service.config import HistogramConfig, LumpConfig, load_config, parse_config
+from lumpwatch.service.config.cameras import polygon_area
+from lumpwatch.service.errors import ConfigError
 from tests.service_helpers import POLYGON, site_tree
 
 EXAMPLE = """\
@@ -41,7 +41,7 @@ SECRET = {"CAM_PASSWORD": "hunter2-s3cret"}
 def refused(text: str, environ: dict[str, str] | None = None) -> str:
     """The text of the refusal: always one line that begins with the file."""
     with pytest.raises(ConfigError) as caught:
-        parse(text, "site.yaml", environ or {})
+        parse_config(text, "site.yaml", environ or {})
     told = str(caught.value)
     assert told.startswith("site.yaml: ")
     assert len(told.splitlines()) == 1
@@ -68,7 +68,7 @@ def with_camera(**changes: Any) -> dict[str, Any]:
 
 
 def test_the_example_means_what_it_says() -> None:
-    config = parse(EXAMPLE, "site.yaml", SECRET)
+    config = parse_config(EXAMPLE, "site.yaml", SECRET)
     assert config.site == "north-pit"
     assert (config.bus.mode, config.bus.listen, config.bus.connect) == (
         "router",
@@ -110,14 +110,16 @@ def test_what_is_left_out_is_what_the_example_states() -> None:
         "site": "s",
         "cameras": [{"id": "c", "source": {"url": "x"}, "rois": [{"id": "r", "polygon": polygon}]}],
     }
-    roi = parse(json.dumps(short)).cameras[0].rois[0]
-    example = parse(EXAMPLE, "x", SECRET).cameras[0].rois[0]
+    roi = parse_config(json.dumps(short)).cameras[0].rois[0]
+    example = parse_config(EXAMPLE, "x", SECRET).cameras[0].rois[0]
     assert roi.detector == example.detector
     assert roi.alarm == example.alarm
 
 
 def test_a_model_may_be_a_kind_alone() -> None:
-    detector = parse(json.dumps(site_tree(models=["bounce", {"kind": "random_walk"}]))).cameras[0].rois[0]
+    detector = (
+        parse_config(json.dumps(site_tree(models=["bounce", {"kind": "random_walk"}]))).cameras[0].rois[0]
+    )
     assert [(m.name, m.kind) for m in detector.detector.models] == [
         ("bounce", "bounce"),
         ("random_walk", "random_walk"),
@@ -137,7 +139,9 @@ def test_a_model_may_be_a_kind_alone() -> None:
     ],
 )
 def test_every_documented_kind_of_motion_is_known(kind: str) -> None:
-    assert parse(json.dumps(site_tree(models=[kind]))).cameras[0].rois[0].detector.models[0].kind == kind
+    assert (
+        parse_config(json.dumps(site_tree(models=[kind]))).cameras[0].rois[0].detector.models[0].kind == kind
+    )
 
 
 @pytest.mark.parametrize(
@@ -151,7 +155,7 @@ def test_every_documented_kind_of_motion_is_known(kind: str) -> None:
 def test_colour_is_asked_for_only_where_a_likelihood_looks_at_it(
     likelihood: dict[str, str], colour: bool
 ) -> None:
-    camera = parse(json.dumps(site_tree(likelihood=likelihood))).cameras[0]
+    camera = parse_config(json.dumps(site_tree(likelihood=likelihood))).cameras[0]
     assert camera.needs_colour is colour
     assert isinstance(camera.rois[0].detector.likelihood, HistogramConfig) is (
         likelihood["kind"] == "histogram"
@@ -169,23 +173,26 @@ def test_colour_is_asked_for_only_where_a_likelihood_looks_at_it(
     ],
 )
 def test_the_url_tells_the_kind_of_source(url: str, kind: str) -> None:
-    assert parse(json.dumps(with_camera(source={"url": url}))).cameras[0].source.kind == kind
+    assert parse_config(json.dumps(with_camera(source={"url": url}))).cameras[0].source.kind == kind
 
 
 def test_a_folder_is_a_source_of_images(tmp_path: Path) -> None:
-    assert parse(json.dumps(with_camera(source={"url": str(tmp_path)}))).cameras[0].source.kind == "images"
+    assert (
+        parse_config(json.dumps(with_camera(source={"url": str(tmp_path)}))).cameras[0].source.kind
+        == "images"
+    )
 
 
 def test_a_relative_store_lies_beside_the_file(tmp_path: Path) -> None:
     path = tmp_path / "site.yaml"
     path.write_text(EXAMPLE, encoding="utf-8")
-    assert load(path, SECRET).store.path == tmp_path / "var"
+    assert load_config(path, SECRET).store.path == tmp_path / "var"
     path.write_text(EXAMPLE.replace("path: var", "path: /srv/lumpwatch"), encoding="utf-8")
-    assert load(path, SECRET).store.path == Path("/srv/lumpwatch")
+    assert load_config(path, SECRET).store.path == Path("/srv/lumpwatch")
 
 
 def test_names_that_do_not_exist_are_key_errors() -> None:
-    config = parse(json.dumps(site_tree()))
+    config = parse_config(json.dumps(site_tree()))
     with pytest.raises(KeyError):
         config.camera("nobody")
     with pytest.raises(KeyError):
@@ -197,14 +204,14 @@ def test_names_that_do_not_exist_are_key_errors() -> None:
 
 def test_a_variable_may_come_from_a_file(tmp_path: Path) -> None:
     (tmp_path / "password").write_text("p${X}@ss/w?rd\n", encoding="utf-8")
-    config = parse(EXAMPLE, "site.yaml", {"CAM_PASSWORD_FILE": str(tmp_path / "password")})
+    config = parse_config(EXAMPLE, "site.yaml", {"CAM_PASSWORD_FILE": str(tmp_path / "password")})
     assert config.cameras[0].source.url.get_secret_value() == "rtsp://user:p${X}@ss/w?rd@10.0.0.5/stream"
 
 
 def test_the_variable_itself_goes_before_its_file(tmp_path: Path) -> None:
     (tmp_path / "password").write_text("other", encoding="utf-8")
     environ = SECRET | {"CAM_PASSWORD_FILE": str(tmp_path / "password")}
-    url = parse(EXAMPLE, "site.yaml", environ).cameras[0].source.url.get_secret_value()
+    url = parse_config(EXAMPLE, "site.yaml", environ).cameras[0].source.url.get_secret_value()
     assert url == "rtsp://user:hunter2-s3cret@10.0.0.5/stream"
 
 
@@ -269,7 +276,7 @@ def test_a_polygon_that_touches_itself(polygon: list[list[float]]) -> None:
 @given(st.lists(st.tuples(st.floats(0.05, 0.95), st.floats(0.05, 0.95)), min_size=3, max_size=3, unique=True))
 def test_a_triangle_never_crosses_itself(points: list[tuple[float, float]]) -> None:
     assume(polygon_area(tuple(points)) > 2e-4)
-    polygon = parse(json.dumps(with_roi(polygon=points))).cameras[0].rois[0].polygon
+    polygon = parse_config(json.dumps(with_roi(polygon=points))).cameras[0].rois[0].polygon
     assert polygon == tuple(points)
 
 

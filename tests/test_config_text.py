@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.config import SiteConfig, load, parse, schema
-from service.errors import ConfigError
+from lumpwatch.service.config import SiteConfig, config_schema, load_config, parse_config
+from lumpwatch.service.errors import ConfigError
 from tests.service_helpers import site_tree
 from tests.test_config import EXAMPLE, refused
 
@@ -65,31 +65,31 @@ def test_aliases_do_not_multiply() -> None:
             return super().__contains__(key)
 
     with pytest.raises(ConfigError):
-        parse("\n".join(levels), "site.yaml", Counting(N="1"))
+        parse_config("\n".join(levels), "site.yaml", Counting(N="1"))
     assert looked_up <= 100
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nothing\.yaml: cannot be read \(No such file or directory\)$"):
-        load(tmp_path / "nothing.yaml")
+        load_config(tmp_path / "nothing.yaml")
 
 
 def test_a_folder_is_no_configuration(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"cannot be read \(Is a directory\)$"):
-        load(tmp_path)
+        load_config(tmp_path)
 
 
 def test_a_file_that_is_not_text(tmp_path: Path) -> None:
     (tmp_path / "site.yaml").write_bytes(b"site: \xff\xfe\n")
     with pytest.raises(ConfigError, match=r"site\.yaml: is not UTF-8 text$"):
-        load(tmp_path / "site.yaml")
+        load_config(tmp_path / "site.yaml")
 
 
 def test_a_file_that_is_far_too_large(tmp_path: Path) -> None:
     with (tmp_path / "site.yaml").open("wb") as file:
         file.truncate(64 << 20)
     with pytest.raises(ConfigError, match=r"site\.yaml: larger than 4 MiB"):
-        load(tmp_path / "site.yaml")
+        load_config(tmp_path / "site.yaml")
 
 
 # Anything at all
@@ -119,7 +119,7 @@ def _places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 def _accept_or_refuse(text: str) -> None:
     try:
-        assert isinstance(parse(text, "site.yaml", {"X": "1"}), SiteConfig)
+        assert isinstance(parse_config(text, "site.yaml", {"X": "1"}), SiteConfig)
     except ConfigError as error:
         told = str(error)
         assert told.startswith("site.yaml: ")
@@ -168,7 +168,7 @@ def _without_description(node: Any, where: str) -> list[str]:
 
 
 def test_every_field_is_described_in_the_schema() -> None:
-    tree = json.loads(schema())
+    tree = json.loads(config_schema())
     missing = _without_description(tree, "SiteConfig")
     for name, definition in tree["$defs"].items():
         missing += _without_description(definition, name)
@@ -177,7 +177,7 @@ def test_every_field_is_described_in_the_schema() -> None:
 
 
 def test_the_schema_refuses_unknown_keys_too() -> None:
-    tree = json.loads(schema())
+    tree = json.loads(config_schema())
     objects = [tree, *(d for d in tree["$defs"].values() if d.get("type") == "object")]
     assert all(d["additionalProperties"] is False for d in objects)
 
@@ -186,5 +186,5 @@ def test_the_schema_refuses_unknown_keys_too() -> None:
 def test_characters_that_are_no_text(text: str) -> None:
     """A lone surrogate, as an escape in YAML can name it, cannot be encoded anywhere."""
     with pytest.raises(ConfigError) as error:
-        parse(text, "site.yaml")
+        parse_config(text, "site.yaml")
     assert str(error.value).encode().startswith(b"site.yaml: ")

@@ -13,15 +13,15 @@ import pytest
 from pydantic import BaseModel
 from ruamel.yaml import YAML
 
-from service.acts import act_of, read
-from service.bus.keys import KEY_OF, Kind, parse
-from service.cli import main
-from service.contract import MESSAGES, schema
-from service.contract.asyncapi import document
-from service.contract.examples import example
+from lumpwatch.service.bus.keys import KEY_OF, Kind, parse
+from lumpwatch.service.cli import main
+from lumpwatch.service.protocol.asyncapi import asyncapi_document
+from lumpwatch.service.protocol.commands import act_of, read
+from lumpwatch.service.protocol.examples import example
+from lumpwatch.service.protocol.schemas import MESSAGES, message_schema
 
 SPECIFICATION = Path(__file__).parent / "schemas" / "asyncapi-3.0.0.json.gz"
-DOCUMENT: dict[str, Any] = json.loads(json.dumps(document()))
+DOCUMENT: dict[str, Any] = json.loads(json.dumps(asyncapi_document()))
 QUERIES = {Kind.ACK, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS}
 
 
@@ -68,7 +68,7 @@ def test_addresses_are_keys(kind: Kind) -> None:
 @pytest.mark.parametrize("name", MESSAGES)
 def test_examples_fit_their_schema_and_come_back(name: str) -> None:
     one, model = example(MESSAGES[name]), MESSAGES[name]
-    jsonschema.Draft202012Validator(json.loads(schema(name))).validate(one)
+    jsonschema.Draft202012Validator(json.loads(message_schema(name))).validate(one)
     again: BaseModel = model.model_validate_json(json.dumps(one))
     assert json.loads(again.model_dump_json(by_alias=True)) == one
 

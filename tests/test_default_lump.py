@@ -5,26 +5,34 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.learning.examples import elsewhere
-from models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_MARGIN
-from models.likelihood.lump import FEATURES, WEIGHTS
-from service.config import JdtConfig, LumpConfig
-from service.default_lump import DEFAULT_LUMP
-from service.detectors.filters import make_likelihood
-from service.feed.spec import FeedSpec
+from lumpwatch.models.learning.examples import elsewhere
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_MARGIN
+from lumpwatch.models.likelihood.lump import FEATURES, WEIGHTS
+from lumpwatch.service.config import JdtConfig, LumpConfig
+from lumpwatch.service.detection.default_likelihood import default_likelihood
+from lumpwatch.service.detection.detectors.filters import make_likelihood
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.reproduction.defaults import default_births, lump_views
 
 
 def test_it_is_whole() -> None:
-    patterns = DEFAULT_LUMP.patterns
+    patterns = default_likelihood().patterns
     count = len(patterns.offsets)
     assert count > 0
     assert patterns.directions.shape == (count, len(FEATURES))
-    assert DEFAULT_LUMP.weights.shape == (WEIGHTS + count,)
-    assert (DEFAULT_LUMP.margin, DEFAULT_LUMP.looks_per_s) == (DEFAULT_MARGIN, DEFAULT_LOOKS_PER_S)
-    for numbers in (DEFAULT_LUMP.mean, DEFAULT_LUMP.weights, patterns.directions, patterns.offsets):
+    assert default_likelihood().weights.shape == (WEIGHTS + count,)
+    assert (default_likelihood().margin, default_likelihood().looks_per_s) == (
+        DEFAULT_MARGIN,
+        DEFAULT_LOOKS_PER_S,
+    )
+    for numbers in (
+        default_likelihood().mean,
+        default_likelihood().weights,
+        patterns.directions,
+        patterns.offsets,
+    ):
         assert np.isfinite(numbers).all()
-    assert (DEFAULT_LUMP.scale > 0).all()
+    assert (default_likelihood().scale > 0).all()
 
 
 @pytest.mark.parametrize("style", ["a", "b"])

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from service.cli import main
-from service.config.load import site_name
-from service.deployment.bundle import USER, Bundle, bundle
-from service.deployment.engine import _name_and_tag, connect
-from service.deployment.errors import DeployError
-from service.errors import ConfigError
+from lumpwatch.service.cli import main
+from lumpwatch.service.config.load import site_name
+from lumpwatch.service.deployment.bundle import USER, Bundle, bundle
+from lumpwatch.service.deployment.engine import _name_and_tag, connect
+from lumpwatch.service.deployment.errors import DeployError
+from lumpwatch.service.errors import ConfigError
 from tests.integration.site import free_port
 from tests.service_helpers import site_tree
 

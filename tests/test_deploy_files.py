@@ -14,9 +14,9 @@ import pytest
 from ruamel.yaml import YAML
 
 from deploy.kubernetes.make_rules import TARGET, text
-from service.config import parse
-from service.deployment.bundle import CONFIG, USER
-from service.readiness import SHARED_MEMORY_MIB
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.deployment.bundle import CONFIG, USER
+from lumpwatch.service.runtime.preflight import SHARED_MEMORY_MIB
 
 ROOT = Path(__file__).parents[1]
 COMPOSE = ROOT / "deploy/compose/compose.yaml"
@@ -40,7 +40,7 @@ def mib(text: str) -> int:
     "path", [p for p in CONFIGS if p != COMPOSE], ids=lambda p: str(p.relative_to(ROOT / "deploy"))
 )
 def test_configurations_are_valid_and_reachable_in_a_container(path: Path) -> None:
-    config = parse(path.read_text(), path.name, {"CAM_PASSWORD": "x"})
+    config = parse_config(path.read_text(), path.name, {"CAM_PASSWORD": "x"})
     assert config.telemetry.address == ("0.0.0.0", 9464)
     assert config.bus.listen == ("tcp/0.0.0.0:7447",)
     assert str(config.store.path) == "/var/lib/lumpwatch"
@@ -87,7 +87,7 @@ def test_compose_refers_to_what_exists() -> None:
     datasource = read(COMPOSE.parent / "grafana/datasource.yaml")["datasources"][0]
     assert datasource["uid"] == "prometheus"
     assert datasource["url"] == "http://prometheus:9090"
-    cameras = len(parse((COMPOSE.parent / "site.yaml").read_text()).cameras)
+    cameras = len(parse_config((COMPOSE.parent / "site.yaml").read_text()).cameras)
     assert mib(compose["services"]["lumpwatch"]["shm_size"]) >= SHARED_MEMORY_MIB * cameras
 
 

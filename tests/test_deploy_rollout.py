@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from service.deployment.bundle import Bundle, bundle
-from service.deployment.errors import DeployError
-from service.deployment.plan import Action
-from service.deployment.rollout import Rollout
+from lumpwatch.service.deployment.bundle import Bundle, bundle
+from lumpwatch.service.deployment.errors import DeployError
+from lumpwatch.service.deployment.plan import Action
+from lumpwatch.service.deployment.rollout import Rollout
 from tests.engine_fake import FakeEngine
 from tests.service_helpers import site_tree
 

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 import pytest
 
-from models.motion import Bounce, ConstantAcceleration, ConstantVelocity, RandomWalk
-from models.roi import make_roi
-from models.switching import AdaptiveSwitching, FixedSwitching
-from service.config import JdtConfig
-from service.detectors.filters import PriorMismatchError, make_filter, make_likelihood
-from service.detectors.jdt import JdtDetector
-from service.frames import Frame
-from service.planes import working_colour, working_luma
+from lumpwatch.models.jdt.motion import Bounce, ConstantAcceleration, ConstantVelocity, RandomWalk
+from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching
+from lumpwatch.models.roi import make_roi
+from lumpwatch.service.config import JdtConfig
+from lumpwatch.service.core.crop import working_colour, working_luma
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.detectors.filters import PriorMismatchError, make_filter, make_likelihood
+from lumpwatch.service.detection.detectors.jdt import JdtDetector
 from tests.service_helpers import POLYGON, bright_fit, camera, frame, learned, lump_fit
 
 ROI = make_roi(POLYGON, 96, 64, 320)

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.profile import default_profile
-from models.roi import make_roi
-from service.backtest.curve import Judged, Point
+from lumpwatch.models.jdt.row_profile import default_profile
+from lumpwatch.models.roi import make_roi
+from lumpwatch.service.offline.backtest.curve import Judged, Point
 from tests.reproduction import difficulty, matrix
 from tests.reproduction.difficulty import page, plots
 from tests.reproduction.difficulty.judge import (

@@ -18,19 +18,19 @@ from pathlib import Path
 
 import pytest
 
-from service.alarms import Alarm, AlarmClass, Hold
-from service.bus.messages import ALARMS_KEPT
-from service.store import event_writer
-from service.store.event_writer import EventWriter
-from service.store.events import (
+from lumpwatch.service.bus.endpoints import ALARMS_KEPT
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, Hold
+from lumpwatch.service.storage import event_log_writer
+from lumpwatch.service.storage.event import Event
+from lumpwatch.service.storage.event_log import (
     RECORDS_KEPT,
     Entry,
-    Event,
     EventLog,
     EventLogError,
     event_file,
     read_events,
 )
+from lumpwatch.service.storage.event_log_writer import EventWriter
 from tests.integration.site import wait_for
 
 WALL_S = 1.7e9
@@ -472,7 +472,7 @@ class Stalling(EventLog):
 def test_nobody_waits_for_a_disk_that_does_not_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(event_writer, "MOST_WAITING", 50)
+    monkeypatch.setattr(event_log_writer, "MOST_WAITING", 50)
     Stalling.go.clear()
     counting = Counting()
     log = writer(tmp_path, counting, open_log=lambda path, check: Stalling(path, check=check))

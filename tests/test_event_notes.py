@@ -9,13 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from service.alarms import Alarm, AlarmClass, AlarmRequestError, Hold
-from service.judging import verdict_on
-from service.report import Clocks
-from service.store.event_writer import Retention
-from service.store.events import Entry, EventLog, event_file, read_events, reading
-from service.store.notes import Says, Span, Verdict, latest_verdicts, spans, verdicts
-from service.watch_log import WatchLog
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmRequestError, Hold
+from lumpwatch.service.core.clock import Clocks
+from lumpwatch.service.monitor.uptime import WatchLog
+from lumpwatch.service.monitor.verdict_handler import verdict_on
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events, reading
+from lumpwatch.service.storage.event_log_writer import Retention
+from lumpwatch.service.storage.event_notes import (
+    Says,
+    Span,
+    Verdict,
+    latest_verdicts,
+    verdicts,
+    watched_spans,
+)
 from tests.integration.site import wait_for
 from tests.shift.made import BEGIN_S, entry, event
 from tests.test_event_log import WALL_S, Counting, writer
@@ -141,7 +148,7 @@ def test_what_is_over_and_old_is_forgotten(tmp_path: Path, log: EventLog) -> Non
     assert kept(tmp_path) == [(3, "raised"), (4, "acknowledged"), (5, "raised"), (6, "cleared")]
     with reading(event_file(tmp_path, "cam")) as db:
         assert [one.sequence for one in verdicts(db)] == [5]
-        assert [one.seen_s for one in spans(db, 0, 1e12)] == [1.0]
+        assert [one.seen_s for one in watched_spans(db, 0, 1e12)] == [1.0]
     assert log.prune(BEGIN_S + DAY_S, 1000, 100) == 0
     assert log.prune(BEGIN_S + 100 * DAY_S, 1000, 100) > 0
     assert kept(tmp_path) == [(6, "cleared")]  # the alarm's state
@@ -245,7 +252,7 @@ def test_a_log_of_the_version_before_is_read_and_taken_over(tmp_path: Path) -> N
     assert (old.sequence, old.alarm, old.details) == (8, UP, {})
     with reading(path) as db:
         assert latest_verdicts(db) == {}
-        assert list(spans(db, 0, 1e12)) == []
+        assert list(watched_spans(db, 0, 1e12)) == []
     counting = Counting()
     opened = writer(tmp_path, counting)
     assert opened.alarms(0.0, WALL_S, "boot") == {("apron", AlarmClass.LUMP): UP}

@@ -14,14 +14,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.encode import VideoWriter
-from service.errors import ConfigError
-from service.feed.geometry import Geometry
-from service.feed.motion import BeltMotion
-from service.feed.simulator import FeedSimulator, Truth
-from service.feed.spec import FeedSpec
-from service.feed.traffic import Traffic
-from service.feed.write import write_video
+from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.simulator.feed import FeedSimulator, Truth
+from lumpwatch.service.simulator.geometry import Geometry
+from lumpwatch.service.simulator.motion import BeltMotion
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.traffic import Traffic
+from lumpwatch.service.simulator.write import write_video
 
 CALM = {"dust": 0.0, "noise": 0.0, "shake_px": 0.0, "light_drift": 0.0, "flicker": 0.0}
 SMALL = {"width": 320, "height": 240}

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from service.feed.bodies import View, body, draw, silhouette, turned
-from service.feed.simulator import FeedSimulator, Truth
-from service.feed.spec import FeedSpec
-from service.feed.stock import Stock
-from service.feed.traffic import Rock, Traffic
+from lumpwatch.service.simulator.bodies import View, body, draw_body, silhouette, turned
+from lumpwatch.service.simulator.feed import FeedSimulator, Truth
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.stock import Stock
+from lumpwatch.service.simulator.traffic import Rock, Traffic
 
 BASE = {
     "dust": 0.0, "noise": 0.0, "shake_px": 0.0, "light_drift": 0.0, "flicker": 0.0,
@@ -69,7 +69,7 @@ def test_a_body_fills_its_box_and_no_more(kind: str) -> None:
     reach = np.sqrt(((solid.corners[:, None] - solid.corners[None]) ** 2).sum(-1))
     assert reach.max() == pytest.approx(1)
     for roll in (0.0, 0.5, 2.0):
-        shape = draw(solid, turned(0.3, roll), view, 150, np.full((400, 400), 90, np.float32))
+        shape = draw_body(solid, turned(0.3, roll), view, 150, np.full((400, 400), 90, np.float32))
         mask = shape.levels[0][..., 1] > 0.5
         rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
         assert len(rows) == pytest.approx(2 * shape.half_height * 150, abs=2)
@@ -81,7 +81,7 @@ def test_a_body_fills_its_box_and_no_more(kind: str) -> None:
 
 def test_a_ball_shows_its_lit_side_and_throws_its_shadow_away_from_the_light() -> None:
     light = np.array([0.6, 0.0, 0.8])
-    shape = draw(body(np.random.default_rng(1), "smooth"), turned(0.0), View(math.pi / 4, light), 160)
+    shape = draw_body(body(np.random.default_rng(1), "smooth"), turned(0.0), View(math.pi / 4, light), 160)
     grey, mask, shadow = np.moveaxis(shape.levels[0], 2, 0)
     middle = mask.shape[1] // 2
     inside = mask > 0.99

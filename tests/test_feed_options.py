@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.errors import ConfigError
-from service.feed.events import Moments
-from service.feed.motion import BeltMotion
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.simulator.events import Moments
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.motion import BeltMotion
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
 
 BASE = {
     "dust": 0.0, "noise": 0.0, "shake_px": 0.0, "light_drift": 0.0, "flicker": 0.0,

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import pytest
 
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.reproduction.matrix import STANDARD, scene, scenes
 from tests.reproduction.simulator import DOCS, page
 

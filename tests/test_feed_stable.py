@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
 
 # Query, frame, every 2400th pixel value (7200th in colour), and the lumps: id, x, y, w, h, size, visibility,
 # seconds to the lip.

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from prometheus_client import CollectorRegistry
 
-from service.cli import main
-from service.errors import ConfigError
-from service.readiness import SHARED_MEMORY_MIB, check_shared_memory
-from service.telemetry.http import TelemetryServer
+from lumpwatch.service.cli import main
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.runtime.preflight import SHARED_MEMORY_MIB, check_shared_memory
+from lumpwatch.service.telemetry.http import TelemetryServer
 from tests.integration.site import free_port
 from tests.service_helpers import site, site_tree
 

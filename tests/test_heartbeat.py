@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.heartbeat import VALID_S, LastDecision, heartbeat
-from service.messages import Decision, utc
-from service.report import Clocks
+from lumpwatch.service.core.clock import Clocks, utc
+from lumpwatch.service.core.decision import Decision
+from lumpwatch.service.monitor.heartbeat import VALID_S, LastDecision, heartbeat
 
 NOW = Clocks(1_000.0, 1.7e9)
 ages = st.none() | st.floats(0.0, 100.0)

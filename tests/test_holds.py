@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.holds import Holds, Times
-from service.messages import BlindReason
+from lumpwatch.service.core.debounce import Holds, Times
+from lumpwatch.service.core.decision import BlindReason
 
 R = BlindReason
 TIMES = {R.DARK: Times(1.0, 2.0), R.GLARE: Times(2.0, 1.0), R.BLURRED: Times(3.0, 2.0)}

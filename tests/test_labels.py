@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.labels import Box, LabelError, check_frames, read_labels
+from lumpwatch.service.storage.label_file import Box, LabelError, check_frames, read_labels
 
 
 def write(folder: Path, text: str | bytes) -> Path:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from service.config.cameras import LatencyConfig
-from service.latency import LatencyWatch
+from lumpwatch.service.config.cameras import LatencyConfig
+from lumpwatch.service.monitor.latency import LatencyWatch
 from tests.service_helpers import frame
 from tests.test_messages import RESULT
 

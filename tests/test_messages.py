@@ -10,12 +10,13 @@ from typing import Any
 import jsonschema
 import pytest
 
-from service.alarms import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
-from service.cli.schema import text
-from service.detection import DetectedObject, Detection
-from service.messages import AlarmEvent, BlindReason, Decision, Heartbeat, RoiBeat, utc
-from service.pipeline import AlarmChange, RoiResult
-from service.report import Clocks, alarm_event, level, state_line, state_message
+from lumpwatch.service.cli.schema import text
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
+from lumpwatch.service.core.clock import Clocks, utc
+from lumpwatch.service.core.decision import AlarmChange, BlindReason, Decision, RoiResult
+from lumpwatch.service.core.detection import DetectedObject, Detection
+from lumpwatch.service.protocol.messages import AlarmEvent, Heartbeat, RoiBeat
+from lumpwatch.service.protocol.records import alarm_event, level_of, state_line, state_message
 from tests.service_helpers import frame
 
 SHARES = (("belt", 0.750004), ("fall", 0.249996))
@@ -88,7 +89,7 @@ RECORDS = {
         record(state_message(STARTING, "pit", "cam", CLOCKS).line()),
     ],
     "heartbeat": [record(BEAT.line())],
-    "level": [record(level(RESULT, 12, 3.0).line()), record(level(STARTING, 0, 3.0).line())],
+    "level": [record(level_of(RESULT, 12, 3.0).line()), record(level_of(STARTING, 0, 3.0).line())],
     "replay": [
         record(state_line(RESULT, "cam", 90.0).line()),
         record(state_line(STARTING, "cam", 0.0).line()),
@@ -234,7 +235,7 @@ def test_records_of_before_there_were_classes_are_read() -> None:
 
 
 def test_a_level_is_small_and_says_the_least() -> None:
-    line = level(
+    line = level_of(
         replace(RESULT, alarms=ALARMS | {AlarmClass.LUMP: Alarm(active=True, shelved=Hold("Ada", "dust"))}),
         7,
         3.0,
@@ -250,7 +251,7 @@ def test_a_level_is_small_and_says_the_least() -> None:
         "valid_s": 3.0,
     }
     assert len(line) < 160
-    assert record(level(STARTING, 0, 3.0).line())["blind"] == 1
+    assert record(level_of(STARTING, 0, 3.0).line())["blind"] == 1
 
 
 def test_ids_rise_with_time_and_number() -> None:

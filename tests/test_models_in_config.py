@@ -7,28 +7,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.motion import FreeAcceleration
-from models.motion_prior import MotionPrior
-from models.roi import make_roi
-from models.state import VX, blank
-from service.cli.demo import CAMERA, ROI, demo_config
-from service.config import CameraConfig, JdtConfig, RoiConfig, parse
-from service.detectors.filters import PriorMismatchError, make_filter
-from service.errors import ConfigError
-from service.feed.spec import FeedSpec
-from service.feed.write import WrittenFeed, write_video
-from service.labels import read_labels
-from service.readiness import check_priors
-from service.recordings import read_frames
-from service.store.prior import Prior, PriorMeta, decode, encode
-from service.training import Trained, train
+from lumpwatch.models.jdt.motion import FreeAcceleration
+from lumpwatch.models.jdt.motion_prior import MotionPrior
+from lumpwatch.models.roi import make_roi
+from lumpwatch.models.state import VX, blank
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.cli.demo import CAMERA, ROI, demo_config
+from lumpwatch.service.config import CameraConfig, JdtConfig, RoiConfig, parse_config
+from lumpwatch.service.detection.detectors.filters import PriorMismatchError, make_filter
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.runtime.preflight import check_priors
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import WrittenFeed, write_video
+from lumpwatch.service.storage.label_file import read_labels
+from lumpwatch.service.storage.prior_file import Prior, PriorMeta, decode_prior, encode_prior
+from lumpwatch.service.training.learn import Trained, train
 from tests.own_model import Sliding
 
 GEOMETRY = make_roi([(0, 0), (1, 0), (1, 1), (0, 1)], 320, 200, 320)
 
 
 def roi_with(**detector: object) -> tuple[CameraConfig, RoiConfig]:
-    camera = parse(demo_config(Path("var"), 0)).camera(CAMERA)
+    camera = parse_config(demo_config(Path("var"), 0)).camera(CAMERA)
     roi = camera.roi(ROI).model_copy(update={"detector": JdtConfig.model_validate(detector)})
     return camera.model_copy(update={"rois": (roi,)}), roi
 
@@ -86,7 +86,7 @@ def test_a_motion_prior_needs_training(tmp_path: Path) -> None:
         make_filter(config, GEOMETRY, None)
     text = demo_config(tmp_path, 0).replace("alarm:", "detector: {models: [motion_prior]}\n        alarm:")
     with pytest.raises(ConfigError, match="motion_prior needs a prior"):
-        check_priors(parse(text))
+        check_priors(parse_config(text))
 
 
 @pytest.mark.slow
@@ -104,7 +104,7 @@ def test_a_motion_prior_is_learned_stored_and_used(clip: WrittenFeed) -> None:
         source="clip",
         frames=trained.frames,
     )
-    learned = decode(encode(Prior(meta, trained.learned)), "prior").learned
+    learned = decode_prior(encode_prior(Prior(meta, trained.learned)), "prior").learned
     assert learned.cells is not None
     geometry = make_roi(roi.polygon, trained.width, trained.height, 320)
     model = make_filter(roi.detector, geometry, learned).models[2]

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.likelihood import NetworkLikelihood
-from models.likelihood.network import NetworkError, OnnxScoreMap
-from models.roi import View
-from models.state import H, W, X, Y, blank
-from service.cli import main
-from service.config import load
-from service.errors import ConfigError
-from service.network import make_network
-from service.pipeline import CameraPipeline
+from lumpwatch.models.likelihood import NetworkLikelihood
+from lumpwatch.models.likelihood.network import NetworkError, OnnxScoreMap
+from lumpwatch.models.roi import View
+from lumpwatch.models.state import H, W, X, Y, blank
+from lumpwatch.service.cli import main
+from lumpwatch.service.config import load_config
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.network import make_network
+from lumpwatch.service.errors import ConfigError
 from tests.onnx_files import brightness_net, classifier_net
 from tests.service_helpers import INTERVAL_S, frame, site_tree
 
@@ -93,7 +93,7 @@ def configured(folder: Path, **network: Any) -> Path:
 
 
 def network_of(path: Path) -> Any:
-    return load(path).cameras[0].rois[0].detector.likelihood  # type: ignore[union-attr]
+    return load_config(path).cameras[0].rois[0].detector.likelihood  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_a_relative_path_counts_from_the_configuration(tmp_path: Path) -> None:
 def test_the_bright_object_is_found(tmp_path: Path) -> None:
     """The whole pipeline, without a prior: nothing before the object, then the object where it is."""
     (tmp_path / "own.onnx").write_bytes(brightness_net((72, 48)))
-    camera = load(configured(tmp_path)).cameras[0]
+    camera = load_config(configured(tmp_path)).cameras[0]
     pipeline = CameraPipeline(camera)
     existence = []
     for k in range(60):

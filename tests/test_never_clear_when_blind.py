@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.roi import Image
-from service.detection import Detection
-from service.detectors.jdt import JdtDetector
-from service.messages import BlindReason, Decision
-from service.pipeline import CameraPipeline, RoiResult
+from lumpwatch.models.roi import Image
+from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult
+from lumpwatch.service.core.detection import Detection
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.detectors.jdt import JdtDetector
 from tests.belt_scene import (
     FPS,
     REFERENCE,

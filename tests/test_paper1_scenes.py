@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.roi import make_roi
-from models.state import X, blank
+from lumpwatch.models.roi import make_roi
+from lumpwatch.models.state import X, blank
 from tests.reproduction.paper1 import footage, page
 from tests.reproduction.paper1.experiments import EXPERIMENTS, NOISY_SQUARE, SLIDE
 from tests.reproduction.paper1.footage import REAL_FPS, REAL_TRAINING, football, football_folder

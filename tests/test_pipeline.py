@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.alarms import Alarm, AlarmClass, AlarmState, Change, shelve
-from service.camera import Reducer
-from service.config import CameraConfig
-from service.detectors.jdt import JdtDetector
-from service.errors import LumpwatchError
-from service.frames import Frame
-from service.messages import BlindReason, Decision, Trouble
-from service.pipeline import CameraPipeline, RoiResult, all_of
-from service.store.prior import Prior
+from lumpwatch.service.capture.camera_process import Reducer
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmState, Change, all_of, shelve
+from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult, Trouble
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.detectors.jdt import JdtDetector
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.storage.prior_file import Prior
 from tests.service_helpers import (
     HEIGHT,
     POLYGON,

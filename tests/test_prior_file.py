@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.density import GridDensity
-from models.learning import LumpFit
-from models.likelihood.lump import FEATURES, expand, standardised
-from models.likelihood.patterns import Patterns
-from models.state import X, Y
-from service.store.prior import PriorError, decode, encode
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.learning import LumpFit
+from lumpwatch.models.likelihood.lump import FEATURES, expand, standardised
+from lumpwatch.models.likelihood.patterns import Patterns
+from lumpwatch.models.state import X, Y
+from lumpwatch.service.storage.prior_file import PriorError, decode_prior, encode_prior
 from tests.service_helpers import bright_fit, camera, learned, lump_fit, prior, same
 
 KINDS = {
@@ -26,7 +26,7 @@ KINDS = {
     "colour": prior(learned(likelihood=bright_fit("colour"))),
     "lump": prior(learned(("belt", "fall"), lump_fit())),
 }
-CONTENT = encode(KINDS["lump"])
+CONTENT = encode_prior(KINDS["lump"])
 
 
 def sealed(body: bytes) -> bytes:
@@ -40,18 +40,18 @@ def body_of(content: bytes) -> bytes:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_prior_survives_its_file_exactly(kind: str) -> None:
-    assert same(decode(encode(KINDS[kind]), "x"), KINDS[kind])
+    assert same(decode_prior(encode_prior(KINDS[kind]), "x"), KINDS[kind])
 
 
 def test_a_density_over_two_components_survives() -> None:
     grid = GridDensity((X, Y), np.array([-0.1, 0.3]), np.array([0.1, 0.2]), np.arange(24.0).reshape(1, 4, 6))
     kept = prior(replace(learned(), density=grid))
-    assert same(decode(encode(kept), "x"), kept)
+    assert same(decode_prior(encode_prior(kept), "x"), kept)
 
 
 def test_the_same_prior_gives_the_same_bytes() -> None:
     for kept in KINDS.values():
-        assert encode(decode(encode(kept), "x")) == encode(kept)
+        assert encode_prior(decode_prior(encode_prior(kept), "x")) == encode_prior(kept)
 
 
 @settings(deadline=None)
@@ -60,7 +60,7 @@ def test_any_changed_byte_is_refused(place: int, change: int) -> None:
     damaged = bytearray(CONTENT)
     damaged[place] ^= change
     with pytest.raises(PriorError, match=r"^demo: "):
-        decode(bytes(damaged), "demo")
+        decode_prior(bytes(damaged), "demo")
 
 
 @pytest.mark.parametrize("place", range(CONTENT.index(b"\n") + 1))
@@ -69,33 +69,33 @@ def test_every_byte_of_the_first_line_counts(place: int) -> None:
         damaged = bytearray(CONTENT)
         damaged[place] ^= 1 << bit
         with pytest.raises(PriorError):
-            decode(bytes(damaged), "demo")
+            decode_prior(bytes(damaged), "demo")
 
 
 @settings(deadline=None)
 @given(st.integers(0, len(CONTENT) - 1))
 def test_any_truncation_is_refused(length: int) -> None:
     with pytest.raises(PriorError, match=r"^demo: "):
-        decode(CONTENT[:length], "demo")
+        decode_prior(CONTENT[:length], "demo")
 
 
 @settings(deadline=None)
 @given(st.binary(min_size=1, max_size=8))
 def test_bytes_to_spare_are_refused(more: bytes) -> None:
     with pytest.raises(PriorError, match="truncated or has bytes to spare"):
-        decode(CONTENT + more, "demo")
+        decode_prior(CONTENT + more, "demo")
 
 
 @settings(deadline=None)
 @given(st.binary(max_size=300))
 def test_any_other_file_is_refused(content: bytes) -> None:
     with pytest.raises(PriorError):
-        decode(content, "demo")
+        decode_prior(content, "demo")
 
 
 def test_another_format_is_named() -> None:
     with pytest.raises(PriorError, match=r"^demo: has format 2, this version reads format 1$"):
-        decode(CONTENT.replace(b"lumpwatch-prior 1 ", b"lumpwatch-prior 2 ", 1), "demo")
+        decode_prior(CONTENT.replace(b"lumpwatch-prior 1 ", b"lumpwatch-prior 2 ", 1), "demo")
 
 
 class _Trap:
@@ -121,7 +121,7 @@ def test_a_pickled_archive_is_refused_without_running_it() -> None:
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
         with pytest.raises(PriorError, match="not as expected"):
-            decode(sealed(buffer.getvalue()), "demo")
+            decode_prior(sealed(buffer.getvalue()), "demo")
     assert not _Trap.sprung
 
 
@@ -164,7 +164,7 @@ def _altered(name: str, value: object) -> bytes:
 )
 def test_content_that_cannot_be_right_is_refused(name: str, value: object) -> None:
     with pytest.raises(PriorError, match=r"^demo: the prior's content is not as expected"):
-        decode(_altered(name, value), "demo")
+        decode_prior(_altered(name, value), "demo")
 
 
 @pytest.mark.parametrize(
@@ -180,13 +180,13 @@ def test_content_that_cannot_be_right_is_refused(name: str, value: object) -> No
 )
 def test_shapes_of_profile_and_fit_are_checked(name: str, value: object) -> None:
     with pytest.raises(PriorError):
-        decode(_altered(name, value), "demo")
+        decode_prior(_altered(name, value), "demo")
 
 
 def test_a_prior_from_before_the_template_goes_on_as_it_was() -> None:
     """Eight features then; the template's have no weight."""
     before = LumpFit(np.linspace(0.1, 0.8, 8), np.linspace(0.5, 1.2, 8), np.linspace(-1.0, 1.0, 16), 0.25)
-    fit = decode(encode(prior(learned(likelihood=before))), "demo").learned.likelihood
+    fit = decode_prior(encode_prior(prior(learned(likelihood=before))), "demo").learned.likelihood
     assert isinstance(fit, LumpFit)
     rng = np.random.default_rng(0)
     features = rng.normal(size=(20, len(FEATURES)))
@@ -198,7 +198,7 @@ def test_a_prior_from_before_the_template_goes_on_as_it_was() -> None:
 
 
 def test_a_prior_from_before_the_margin_has_none() -> None:
-    body = io.BytesIO(body_of(encode(prior(learned(likelihood=replace(lump_fit(), margin=1.75))))))
+    body = io.BytesIO(body_of(encode_prior(prior(learned(likelihood=replace(lump_fit(), margin=1.75))))))
     with np.load(body, allow_pickle=False) as archive:
         arrays = {key: archive[key] for key in archive.files}
     for margin in ([1.75], None):
@@ -207,7 +207,7 @@ def test_a_prior_from_before_the_margin_has_none() -> None:
             arrays["fit_margin"] = np.array(margin)
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
-        fit = decode(sealed(buffer.getvalue()), "demo").learned.likelihood
+        fit = decode_prior(sealed(buffer.getvalue()), "demo").learned.likelihood
         assert isinstance(fit, LumpFit)
         assert fit.margin == (0.0 if margin is None else 1.75)
 
@@ -216,7 +216,7 @@ def test_patterns_are_kept() -> None:
     rng = np.random.default_rng(0)
     patterns = Patterns(rng.normal(size=(3, len(FEATURES))), rng.normal(size=3))
     fit = replace(lump_fit(), weights=rng.normal(size=2 * len(FEATURES) + 3), patterns=patterns)
-    kept = decode(encode(prior(learned(likelihood=fit))), "demo").learned.likelihood
+    kept = decode_prior(encode_prior(prior(learned(likelihood=fit))), "demo").learned.likelihood
     assert isinstance(kept, LumpFit)
     assert np.array_equal(kept.patterns.directions, patterns.directions)
     assert np.array_equal(kept.patterns.offsets, patterns.offsets)
@@ -227,7 +227,7 @@ def test_patterns_are_kept() -> None:
         replace(fit, patterns=Patterns(patterns.directions, patterns.offsets[1:])),
     ):
         with pytest.raises(PriorError):
-            decode(encode(prior(learned(likelihood=wrong))), "demo")
+            decode_prior(encode_prior(prior(learned(likelihood=wrong))), "demo")
 
 
 def test_an_array_file_in_place_of_an_archive_is_refused() -> None:
@@ -235,7 +235,7 @@ def test_an_array_file_in_place_of_an_archive_is_refused() -> None:
     np.save(buffer, np.zeros(3))
     for body in (buffer.getvalue(), b"PK\x03\x04", b"\x80\x04N."):
         with pytest.raises(PriorError):
-            decode(sealed(body), "demo")
+            decode_prior(sealed(body), "demo")
 
 
 def _unknown_compression() -> bytes:
@@ -258,7 +258,7 @@ def _boundless() -> bytes:
 @pytest.mark.parametrize("body", [b"", _unknown_compression(), _boundless()])
 def test_an_archive_that_the_reader_trips_over_is_refused(body: bytes) -> None:
     with pytest.raises(PriorError):
-        decode(sealed(body), "demo")
+        decode_prior(sealed(body), "demo")
 
 
 def test_a_prior_fits_its_own_roi_and_shape_only() -> None:

@@ -14,22 +14,22 @@ from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry
 from pydantic import ValidationError
 
-from models.plane import fit_plane, side_of
-from models.profile import default_profile
-from models.roi import make_roi
-from service.config.proof import ProofTestConfig
-from service.frames import Encoding
-from service.messages import Trouble, utc
-from service.proof.blender import Blender, BlendRequestError
-from service.proof.chain import _Ended, _Passage, overlaps
-from service.proof.keeper import ProofError, ProofKeeper
-from service.proof.messages import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
-from service.proof.path import greys_of, make_way, reached_lip
-from service.proof.place import at
-from service.proof.render import Sprite, blend, grain
-from service.proof.schedule import is_due, is_overdue
-from service.report import Clocks
-from service.telemetry.proof import ProofMetrics
+from lumpwatch.models.jdt.row_profile import default_profile
+from lumpwatch.models.plane import fit_plane, side_of
+from lumpwatch.models.roi import make_roi
+from lumpwatch.service.capture.proof_blender import Blender, BlendRequestError
+from lumpwatch.service.capture.proof_render import Sprite, blend, grain
+from lumpwatch.service.config.proof import ProofTestConfig
+from lumpwatch.service.core.clock import Clocks, utc
+from lumpwatch.service.core.decision import Trouble
+from lumpwatch.service.core.frame import Encoding
+from lumpwatch.service.monitor.proof.chain import _Ended, _Passage, overlaps
+from lumpwatch.service.monitor.proof.keeper import ProofError, ProofKeeper
+from lumpwatch.service.monitor.proof.path import greys_of, make_way, reached_lip
+from lumpwatch.service.monitor.proof.schedule import is_due, is_overdue
+from lumpwatch.service.protocol.proof import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
+from lumpwatch.service.protocol.proof_path import place_at
+from lumpwatch.service.telemetry.proof import ProofMetrics
 from tests.service_helpers import HEIGHT, POLYGON, WIDTH, camera, frame, learned, lump_fit
 from tests.test_messages import RESULT
 
@@ -96,11 +96,11 @@ def test_the_lump_comes_from_above_and_arrives_with_its_lower_edge() -> None:
 
 def test_between_two_moments_it_is_between_two_places() -> None:
     path = (LumpAt(t_s=1.0, x=0.2, y=0.0, w=0.1, h=0.1), LumpAt(t_s=3.0, x=0.4, y=1.0, w=0.2, h=0.1))
-    middle = at(path, 1.5)
+    middle = place_at(path, 1.5)
     assert middle is not None
     assert (middle.x, middle.y, middle.w) == pytest.approx((0.25, 0.25, 0.125))
-    assert at(path, 0.99) is None
-    assert at(path, 3.01) is None
+    assert place_at(path, 0.99) is None
+    assert place_at(path, 3.01) is None
 
 
 def test_a_calibrated_lump_has_its_size_and_stops_the_clock_at_the_lip() -> None:
@@ -232,7 +232,7 @@ WAY = make_way(
 
 
 def test_an_alarm_in_time_passes_and_says_how_much_was_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.proof.chain.overlaps", lambda *_: True)
+    monkeypatch.setattr("lumpwatch.service.monitor.proof.chain.overlaps", lambda *_: True)
     one = passage()
     one.take(replace(RESULT, changes=()), FRAME, WAY, 6.0, (WIDTH, HEIGHT), 100.1)
     assert one.outcome is Outcome.FAILED

@@ -7,12 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.config import CameraConfig
-from service.errors import ConfigError, LumpwatchError
-from service.frames import Frame
-from service.labels import LabelError, ignored_frames, is_proposal, read_labels
-from service.proposals import Proposal, ProposedBox, accept, parse_ids, to_text
-from service.suggest import AFTER_S, BEFORE_S, suggest
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.storage.label_file import LabelError, ignored_frames, is_proposal, read_labels
+from lumpwatch.service.training.label_proposals import (
+    Proposal,
+    ProposedBox,
+    accept_proposals,
+    parse_ids,
+    to_text,
+)
+from lumpwatch.service.training.proposing import AFTER_S, BEFORE_S, suggest
 from tests.service_helpers import HEIGHT, INTERVAL_S, WIDTH, camera, frame, prior
 
 
@@ -65,7 +71,7 @@ def test_a_proposal_is_no_label(file: Path) -> None:
 
 
 def test_accepted_ones_are_labels_and_the_rest_is_background(file: Path) -> None:
-    assert accept(file, {1, 3}) == 2
+    assert accept_proposals(file, {1, 3}) == 2
     boxes = read_labels(file)
     assert [(box.track, box.frame) for box in boxes] == [(1, 5), (1, 6), (1, 7), (3, 40), (3, 41), (3, 42)]
     assert boxes[0].x == 15.0
@@ -75,7 +81,7 @@ def test_accepted_ones_are_labels_and_the_rest_is_background(file: Path) -> None
 
 
 def test_all_are_accepted(file: Path) -> None:
-    assert accept(file, None) == 3
+    assert accept_proposals(file, None) == 3
     assert {box.track for box in read_labels(file)} == {1, 2, 3}
 
 
@@ -83,7 +89,7 @@ def test_a_person_may_edit_the_file(file: Path) -> None:
     """conf 1 accepts by hand; other labels in the file stay as they are."""
     text = file.read_text().replace(",0.8,-1,-1", ",1,-1,-1")
     file.write_text(text + "90,9,1,2,3,4,1,1,1,belt\n")
-    assert accept(file, {2}) == 1
+    assert accept_proposals(file, {2}) == 1
     assert {box.track for box in read_labels(file)} == {1, 2, 9}
     assert "90,9,1,2,3,4,1,1,1,belt" in file.read_text().splitlines()
 
@@ -91,13 +97,13 @@ def test_a_person_may_edit_the_file(file: Path) -> None:
 def test_what_cannot_be_accepted(file: Path, tmp_path: Path) -> None:
     before = file.read_bytes()
     with pytest.raises(LabelError, match=r"new\.txt: has no proposal 7 \(has 1, 2, 3\)$"):
-        accept(file, {1, 7})
+        accept_proposals(file, {1, 7})
     assert file.read_bytes() == before
-    accept(file, None)
+    accept_proposals(file, None)
     with pytest.raises(LabelError, match="holds no proposal to accept"):
-        accept(file, None)
+        accept_proposals(file, None)
     with pytest.raises(LabelError, match="cannot be read"):
-        accept(tmp_path / "none.txt", None)
+        accept_proposals(tmp_path / "none.txt", None)
 
 
 def test_ids_of_the_command() -> None:

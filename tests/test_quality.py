@@ -10,19 +10,25 @@ import cv2
 import numpy as np
 import pytest
 
-from models.quality.region import Measure
-from models.roi import Image, make_roi
-from service.bus.codec import decode_frame, encode_frame, encode_jpeg
-from service.camera import Reducer
-from service.config import CameraConfig
-from service.config.quality import QualityConfig
-from service.frames import Frame
-from service.messages import BlindReason, Decision
-from service.mount import Mount
-from service.pipeline import CameraPipeline, RoiResult
-from service.quality import CameraQuality
-from service.reference import FootageError, Recording, learn_reference
-from service.store.reference import BadReferenceError, Reference, ReferenceStore, decode, encode
+from lumpwatch.models.picture.region import Measure
+from lumpwatch.models.roi import Image, make_roi
+from lumpwatch.service.bus.codec import decode_frame, encode_frame, encode_jpeg
+from lumpwatch.service.capture.camera_process import Reducer
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config.quality import QualityConfig
+from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.camera_shift import Mount
+from lumpwatch.service.detection.picture_quality import CameraQuality
+from lumpwatch.service.storage.reference_store import (
+    BadReferenceError,
+    Reference,
+    ReferenceStore,
+    decode,
+    encode,
+)
+from lumpwatch.service.training.picture_reference import FootageError, Recording, learn_reference
 from tests.belt_scene import (
     CONFIG,
     FPS,

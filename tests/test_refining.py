@@ -10,20 +10,27 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.cli import main
-from service.config import CameraConfig
-from service.errors import LumpwatchError
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
-from service.footage import TrainingError
-from service.frames import Frame
-from service.labels import Box, read_labels
-from service.recordings import read_frames
-from service.refining import PAUSE_S, ConfirmedClip, join, recorded_clip, refine, sources
-from service.store.footage import FootageArchive
-from service.store.priors import PriorStore
-from service.store.versions import StoreError
-from service.training import train
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.cli import main
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
+from lumpwatch.service.storage.footage_archive import FootageArchive
+from lumpwatch.service.storage.label_file import Box, read_labels
+from lumpwatch.service.storage.prior_store import PriorStore
+from lumpwatch.service.storage.versions import StoreError
+from lumpwatch.service.training.footage import TrainingError
+from lumpwatch.service.training.learn import train
+from lumpwatch.service.training.refining import (
+    PAUSE_S,
+    ConfirmedClip,
+    footage_sources,
+    joined_footage,
+    recorded_clip,
+    refine,
+)
 from tests.service_helpers import frame, same, site, site_tree
 
 OF = ("cam", "apron")
@@ -47,7 +54,7 @@ def test_clips_are_joined_into_one_recording() -> None:
     first = clip("a", 3, box(1, 7), box(2, 7), box(3, 9), start_s=5.0)
     nothing = clip("b", 2, start_s=100.0)
     last = clip("c", 4, box(2, 7, "belt"), box(4, 2), start_s=1.0)
-    frames, boxes = join([first, nothing, last])
+    frames, boxes = joined_footage([first, nothing, last])
     seen = list(frames)
     assert [one.seq for one in seen] == list(range(9))
     # 0.2 s, a pause, 0.1 s, a pause, 0.3 s.
@@ -56,7 +63,7 @@ def test_clips_are_joined_into_one_recording() -> None:
     assert [one.capture_s for one in seen] == pytest.approx(expected)
     # Frames 1 to 3, 4 and 5, 6 to 9; tracks 7 and 9 of the first are 1 and 2, 2 and 7 of the last 3 and 4.
     assert boxes == (box(1, 1), box(2, 1), box(3, 2), box(7, 4, "belt"), box(9, 3))
-    assert sources([first, nothing, last]) == "a + b + c"
+    assert footage_sources([first, nothing, last]) == "a + b + c"
 
 
 @pytest.mark.parametrize(
@@ -71,7 +78,7 @@ def test_clips_are_joined_into_one_recording() -> None:
 )
 def test_clips_that_do_not_go_together(other: ConfirmedClip, told: str) -> None:
     with pytest.raises(LumpwatchError, match=told):
-        join([clip("a", 5, box(1, 1)), other])
+        joined_footage([clip("a", 5, box(1, 1)), other])
 
 
 def test_a_clip_that_cannot_be_read_is_named() -> None:
@@ -79,7 +86,7 @@ def test_a_clip_that_cannot_be_read_is_named() -> None:
         raise LumpwatchError("cannot be read")
 
     with pytest.raises(TrainingError, match="b: cannot be read"):
-        join([clip("a", 5), ConfirmedClip("b", (), broken)])
+        joined_footage([clip("a", 5), ConfirmedClip("b", (), broken)])
 
 
 def test_false_alarms_alone_teach_nothing() -> None:

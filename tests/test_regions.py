@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.state import Y
-from service.config import JdtConfig, RoiConfig
-from service.detectors.filters import make_filter, make_profile
-from service.regions import make_region
-from service.sizing import SHAPE_FACTOR
+from lumpwatch.models.state import Y
+from lumpwatch.service.config import JdtConfig, RoiConfig
+from lumpwatch.service.detection.detectors.filters import make_filter, make_profile
+from lumpwatch.service.detection.region import make_region
+from lumpwatch.service.detection.sizing import SHAPE_FACTOR
 from tests.models.test_plane import silhouette
 from tests.test_sizing import HEIGHT, WIDTH, calibration, relative
 

@@ -13,13 +13,14 @@ import jsonschema
 import numpy as np
 import pytest
 
-from service.cli import main
-from service.cli.schema import text
-from service.encode import VideoWriter
-from service.frames import Frame
-from service.pipeline import CameraPipeline, RoiResult
-from service.replay import ReplayError, replay
-from service.store.priors import PriorStore
+from lumpwatch.service.cli import main
+from lumpwatch.service.cli.schema import text
+from lumpwatch.service.core.decision import RoiResult
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.offline.replay import ReplayError, replay
+from lumpwatch.service.storage.prior_store import PriorStore
 from tests.service_helpers import HEIGHT, INTERVAL_S, WIDTH, camera, frame, picture, prior, site_tree
 
 FRAMES = 60

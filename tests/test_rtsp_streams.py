@@ -21,12 +21,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import SecretStr
 
-from service.config.source import BackoffConfig, SourceConfig
-from service.encode import Codec
-from service.frames import Frame
-from service.sources.base import Fault, SourceError
-from service.sources.reconnect import Reconnecting
-from service.sources.rtsp import RtspSource
+from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.reconnect import Reconnecting
+from lumpwatch.service.capture.sources.rtsp import RtspSource
+from lumpwatch.service.config.source import BackoffConfig, SourceConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.core.video_writer import Codec
 from tests.servers.clips import write_clip
 from tests.servers.process import GstServer, RtspServer, gst_missing
 

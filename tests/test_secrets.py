@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from service.config import parse
-from service.config.source import redact
-from service.errors import ConfigError
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.config.source import redact
+from lumpwatch.service.errors import ConfigError
 from tests.service_helpers import site_tree
 
 PASSWORD = "hunter2-s3cret"
@@ -33,7 +33,7 @@ def with_url(url: str) -> dict[str, Any]:
 def spoken(text: str, environ: dict[str, str] | None = None) -> str:
     """All that the configuration says of itself: its representation, or the error."""
     try:
-        config = parse(text, "site.yaml", environ or {})
+        config = parse_config(text, "site.yaml", environ or {})
     except ConfigError as error:
         return str(error)
     return f"{config!r} {config} {config.model_dump()} {config.model_dump_json()} {config.cameras[0].source.redacted}"

@@ -16,27 +16,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from prometheus_client import CollectorRegistry
 
-from models.learning import HistogramFit
-from models.learning.learned import Learned
-from models.roi import Image, Roi
-from models.state import Belief
-from service.config import CameraConfig
-from service.config.detector import DetectorConfig
-from service.detection import Detection
-from service.detectors.base import Detector
-from service.errors import ConfigError
-from service.frames import Frame
-from service.pipeline import CameraPipeline, RoiResult
-from service.replay import replay
-from service.shadow.differences import Counts
-from service.shadow.keeping import StateKeeper, read_state, state_file
-from service.shadow.record import ShadowState, summary
-from service.shadow.recorded import ReplayShadow
-from service.shadow.shadows import MakeDetector, Shadows
-from service.store.prior import Prior
-from service.store.priors import PriorStore
-from service.telemetry.metrics import MonitorMetrics
-from service.telemetry.shadow import ShadowMetrics
+from lumpwatch.models.learning import HistogramFit
+from lumpwatch.models.learning.learned import Learned
+from lumpwatch.models.roi import Image, Roi
+from lumpwatch.models.state import Belief
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config.detector import DetectorConfig
+from lumpwatch.service.core.decision import RoiResult
+from lumpwatch.service.core.detection import Detection
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.detectors.base import Detector
+from lumpwatch.service.detection.shadow.shadows import MakeDetector, Shadows
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.offline.replay import replay
+from lumpwatch.service.offline.shadow_replay import ReplayShadow
+from lumpwatch.service.protocol.shadow import Counts, ShadowState, summary
+from lumpwatch.service.storage.prior_file import Prior
+from lumpwatch.service.storage.prior_store import PriorStore
+from lumpwatch.service.storage.shadow_store import StateKeeper, read_state, state_file
+from lumpwatch.service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.telemetry.shadow import ShadowMetrics
 from tests.service_helpers import POLYGON, camera, frame, learned, prior, site, site_tree
 
 NOW = datetime(2024, 5, 17, 12, 30, tzinfo=UTC)

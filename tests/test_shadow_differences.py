@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from service.shadow.budget import Budget
-from service.shadow.differences import Counts, Differences, Found
+from lumpwatch.service.detection.shadow.budget import Budget
+from lumpwatch.service.detection.shadow.differences import Differences, Found
+from lumpwatch.service.protocol.shadow import Counts
 
 
 def run(current: str, shadow: str, match_s: float = 3.0, longest_s: float = 10.0) -> Differences:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.config.source import SourceConfig
-from service.errors import ConfigError
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.frames import Frame
-from service.sources.simulated import SimulatedSource
+from lumpwatch.service.capture.sources.simulated import SimulatedSource
+from lumpwatch.service.config.source import SourceConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
 
 SMALL = "width=160&height=120"
 

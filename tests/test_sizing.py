@@ -9,13 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.config import parse
-from service.config.calibration import CalibrationConfig
-from service.detection import DetectedObject, Detection, LumpSize
-from service.errors import ConfigError
-from service.feed.geometry import Geometry
-from service.feed.spec import FeedSpec
-from service.sizing import MOST_LOOKS, SETTLING_SPREAD, SHAPE_FACTOR, SHAPE_SPREAD, Sizer, make_plane
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.config.calibration import CalibrationConfig
+from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize
+from lumpwatch.service.detection.sizing import (
+    MOST_LOOKS,
+    SETTLING_SPREAD,
+    SHAPE_FACTOR,
+    SHAPE_SPREAD,
+    Sizer,
+    make_plane,
+)
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.simulator.geometry import Geometry
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.models.test_plane import silhouette, velocity
 
 WIDTH, HEIGHT = 640, 480
@@ -209,7 +216,7 @@ cameras:
     rois: [{{id: apron, polygon: [[0, 0], [1, 0], [1, 1]], calibration: {text}}}]
 """
     with pytest.raises(ConfigError, match=message):
-        parse(site)
+        parse_config(site)
 
 
 def test_points_on_a_line_are_refused_with_the_first_frame() -> None:

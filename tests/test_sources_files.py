@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from pydantic import SecretStr
 
-from service.config.source import SourceConfig
-from service.frames import Frame
-from service.sources.base import Fault, Source, SourceError
-from service.sources.make import make_source
+from lumpwatch.service.capture.sources.base import Fault, Source, SourceError
+from lumpwatch.service.capture.sources.make import make_source
+from lumpwatch.service.config.source import SourceConfig
+from lumpwatch.service.core.frame import Frame
 from tests.servers.clips import write_clip
 
 FPS = 10.0

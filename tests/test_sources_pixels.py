@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from service.sources.pixels import extract
+from lumpwatch.service.capture.sources.pixels import extract
 
 
 def yuv(width: int, height: int, name: str = "yuv420p") -> tuple[av.VideoFrame, NDArray[np.uint8]]:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.config.source import BackoffConfig
-from service.frames import Frame
-from service.sources.base import Fault, SourceError
-from service.sources.reconnect import Backoff, Reconnecting, StreamState
+from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.reconnect import Backoff, Reconnecting, StreamState
+from lumpwatch.service.config.source import BackoffConfig
+from lumpwatch.service.core.frame import Frame
 
 F = Frame(0, 0.0, 0.0, 0.0, 2, 2, "gray8", np.zeros((2, 2), np.uint8))
 CONNECTED = "connected"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.sources.timing import JUMP_S, LEAK, MediaClock, StreamClock
+from lumpwatch.service.core.media_time import JUMP_S, LEAK, MediaClock, StreamClock
 
 gaps = st.lists(st.floats(0.001, 2.0), min_size=2, max_size=40)
 

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
-from models.density import GridDensity
-from models.state import Y
-from service.prior_watch import PriorWatch
-from service.store import atomic
-from service.store.prior import PriorError, encode
-from service.store.priors import Found, PriorStore, check_owner, read_file
-from service.store.versions import StoreError
-from service.telemetry.metrics import MonitorMetrics
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.state import Y
+from lumpwatch.service.monitor.prior_watch import PriorWatch
+from lumpwatch.service.storage.atomic import replace_file, write_new_file
+from lumpwatch.service.storage.prior_file import PriorError, encode_prior
+from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
+from lumpwatch.service.storage.versions import StoreError
+from lumpwatch.service.telemetry.metrics import MonitorMetrics
 from tests.service_helpers import learned, prior, same
 
 
@@ -121,7 +121,7 @@ def test_without_a_readable_pointer_the_newest_is_used(tmp_path: Path, text: str
 
 def test_the_prior_of_another_roi_is_refused(tmp_path: Path) -> None:
     store = stored(tmp_path, "a")
-    store.path("cam", "apron", 2).write_bytes(encode(prior(camera_id="other")))
+    store.path("cam", "apron", 2).write_bytes(encode_prior(prior(camera_id="other")))
     with pytest.raises(PriorError, match="belongs to camera other, roi apron, not to camera cam, roi apron"):
         store.load("cam", "apron", 2)
     with pytest.raises(PriorError, match="belongs to camera cam, roi chute"):
@@ -201,10 +201,10 @@ def test_reading_a_file_that_is_not_there_or_too_large(tmp_path: Path) -> None:
 
 def test_a_new_file_never_replaces_another(tmp_path: Path) -> None:
     path = tmp_path / "x"
-    assert atomic.write_new(path, b"one")
-    assert not atomic.write_new(path, b"two")
+    assert write_new_file(path, b"one")
+    assert not write_new_file(path, b"two")
     assert path.read_bytes() == b"one"
-    atomic.replace(path, b"three")
+    replace_file(path, b"three")
     assert path.read_bytes() == b"three"
     assert [p.name for p in tmp_path.iterdir()] == ["x"]
 
@@ -218,7 +218,7 @@ def saver(root: Path, file: Path, name: str, count: int) -> subprocess.Popen[byt
 @pytest.mark.slow
 def test_concurrent_saves_all_survive(tmp_path: Path) -> None:
     file, root = tmp_path / "some.prior", tmp_path / "var"
-    file.write_bytes(encode(prior()))
+    file.write_bytes(encode_prior(prior()))
     savers = [saver(root, file, f"s{i}", 8) for i in range(3)]
     assert [one.wait(timeout=120) for one in savers] == [0, 0, 0]
     store = PriorStore(root)
@@ -235,7 +235,7 @@ def test_a_killed_save_never_leaves_a_version_that_cannot_be_read(tmp_path: Path
     values = np.random.default_rng(0).random((1, 800_000))  # 6 MB: a save takes long enough to be hit
     grid = GridDensity((Y,), np.array([0.0]), np.array([1e-6]), values)
     file, root = tmp_path / "large.prior", tmp_path / "var"
-    file.write_bytes(encode(prior(replace(learned(), density=grid))))
+    file.write_bytes(encode_prior(prior(replace(learned(), density=grid))))
     store = PriorStore(root)
     store.save(prior(source="first"))
     rng = np.random.default_rng(7)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from service.store import atomic
-from service.store.prior import encode
-from service.store.priors import Found, PriorStore
-from service.store.versions import StoreError
+from lumpwatch.service.storage.atomic import replace_file
+from lumpwatch.service.storage.prior_file import encode_prior
+from lumpwatch.service.storage.prior_store import Found, PriorStore
+from lumpwatch.service.storage.versions import StoreError
 from tests.service_helpers import prior
 
 OF = ("cam", "apron")
@@ -151,7 +151,7 @@ def test_a_promotion_that_ends_on_the_way_leaves_one_of_the_two(tmp_path: Path, 
     store = stored(tmp_path, "a", shadow="b")
     folder, mark = store.folder(*OF), store.path(*OF, 2).with_suffix(".trial")
     deeds = (
-        lambda: atomic.replace(folder / "current", b"2\n"),
+        lambda: replace_file(folder / "current", b"2\n"),
         mark.unlink,
         (folder / "shadow").unlink,
     )
@@ -207,7 +207,7 @@ def test_savers_of_both_kinds_never_take_the_same_number(tmp_path: Path) -> None
 
 def test_a_shadow_of_another_roi_is_refused(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", shadow="b")
-    store.path(*OF, 2).write_bytes(encode(prior(roi="chute")))
+    store.path(*OF, 2).write_bytes(encode_prior(prior(roi="chute")))
     (problem,) = store.shadow(*OF).problems
     assert "belongs to camera cam, roi chute" in problem
 

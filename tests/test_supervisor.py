@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from service.link import Report
-from service.supervisor import Supervisor, Task
-from service.telemetry.relay import Relay
+from lumpwatch.service.runtime.supervisor import Supervisor, Task
+from lumpwatch.service.telemetry.relay import Relay
+from lumpwatch.service.telemetry.worker_link import Report
 from tests import workers
 
 PATIENCE_S = 60.0

@@ -16,12 +16,12 @@ import pytest
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.alarms import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
-from service.detection import DetectedObject, Detection
-from service.messages import Decision
-from service.telemetry.http import TelemetryError, TelemetryServer
-from service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
-from service.telemetry.relay import Relay
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
+from lumpwatch.service.core.decision import Decision
+from lumpwatch.service.core.detection import DetectedObject, Detection
+from lumpwatch.service.telemetry.http import TelemetryError, TelemetryServer
+from lumpwatch.service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
+from lumpwatch.service.telemetry.relay import Relay
 
 
 def _camera(registry: CollectorRegistry) -> None:

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
-from service.config.jdt import HistogramConfig, JdtConfig, LumpConfig
-from service.footage import Footage, read_footage
-from service.labels import Box
-from service.tempering import FOLDS, GRID, cut_in_folds, log_score, temper, with_looks
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
+from lumpwatch.service.config.jdt import HistogramConfig, JdtConfig, LumpConfig
+from lumpwatch.service.storage.label_file import Box
+from lumpwatch.service.training.evidence_rate import FOLDS, GRID, cut_in_folds, log_score, temper, with_looks
+from lumpwatch.service.training.footage import Footage, read_footage
 from tests.service_helpers import camera, frame, learned, lump_fit
 
 

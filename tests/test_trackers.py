@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from models.roi import make_roi
-from service.config import ImmPfConfig, JpdaConfig, parse
-from service.detection import Detection
-from service.detectors.filters import PriorMismatchError
-from service.detectors.make import make_detector
-from service.detectors.trackers import TrackerDetector
-from service.errors import ConfigError
+from lumpwatch.models.roi import make_roi
+from lumpwatch.service.config import ImmPfConfig, JpdaConfig, parse_config
+from lumpwatch.service.core.detection import Detection
+from lumpwatch.service.detection.detectors.filters import PriorMismatchError
+from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.detectors.trackers import TrackerDetector
+from lumpwatch.service.errors import ConfigError
 from tests import street
 from tests.service_helpers import learned
 
@@ -187,4 +187,4 @@ cameras:
     rois: [{{id: apron, polygon: [[0, 0], [1, 0], [1, 1]], detector: {detector}}}]
 """
     with pytest.raises(ConfigError, match=message):
-        parse(text)
+        parse_config(text)

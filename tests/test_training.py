@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.state import VX, VY
-from service.config import CameraConfig
-from service.errors import LumpwatchError
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
-from service.frames import Frame
-from service.labels import Box, LabelError, read_labels
-from service.recordings import read_frames
-from service.training import Trained, TrainingError, train
+from lumpwatch.models.state import VX, VY
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
+from lumpwatch.service.storage.label_file import Box, LabelError, read_labels
+from lumpwatch.service.training.learn import Trained, TrainingError, train
 from tests.service_helpers import frame, site, site_tree
 
 SECONDS, FPS = 20.0, 15.0

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from service.cli import main
-from service.clips import Material, clips_of, gather
-from service.config import CameraConfig
-from service.errors import LumpwatchError
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
-from service.labels import LabelError
-from service.store.priors import PriorStore
-from service.training import learn
-from service.training_checks import coverage_warnings, relative_sizes, validation_warnings
-from service.validation import cross_validate
+from lumpwatch.service.cli import main
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
+from lumpwatch.service.storage.label_file import LabelError
+from lumpwatch.service.storage.prior_store import PriorStore
+from lumpwatch.service.training.coverage import coverage_warnings, relative_sizes, validation_warnings
+from lumpwatch.service.training.cross_validation import cross_validate
+from lumpwatch.service.training.dataset import Material, clips_of, gather
+from lumpwatch.service.training.learn import learn
 from tests.service_helpers import prior, site, site_tree
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from service.link import WorkerLink
+from lumpwatch.service.telemetry.worker_link import WorkerLink
 
 
 def _metrics(registry: CollectorRegistry) -> None:

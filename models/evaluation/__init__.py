@@ -4,12 +4,12 @@
 take what `pair` makes of result and truth.
 """
 
-from models.evaluation.clear import ClearMot, clear_mot
-from models.evaluation.identity import idf1
-from models.evaluation.pairing import FramePair, Pairing, overlaps, pair
-from models.evaluation.scores import METRICS, Metric, Scores, evaluate
-from models.evaluation.tracks import Tracks, tracks_of
-from models.evaluation.vace import ata, n_moda, n_modp, sfda
+from lumpwatch.models.evaluation.clear import ClearMot, clear_mot
+from lumpwatch.models.evaluation.identity import idf1
+from lumpwatch.models.evaluation.pairing import FramePair, Pairing, overlaps, pair
+from lumpwatch.models.evaluation.scores import METRICS, Metric, Scores, evaluate
+from lumpwatch.models.evaluation.tracks import Tracks, tracks_of
+from lumpwatch.models.evaluation.vace import ata, n_moda, n_modp, sfda
 
 __all__ = [
     "METRICS",

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.evaluation.pairing import FramePair, Indices, Pairing, assign, ratio, reaches
+from lumpwatch.models.evaluation.pairing import FramePair, Indices, Pairing, assign, ratio, reaches
 
 _NONE = -1
 

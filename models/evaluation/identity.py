@@ -11,7 +11,7 @@ ECCV workshops 2016.
 
 from __future__ import annotations
 
-from models.evaluation.pairing import Pairing, assign, ratio, track_overlaps
+from lumpwatch.models.evaluation.pairing import Pairing, assign, ratio, track_overlaps
 
 
 def idf1(pairing: Pairing, threshold: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from models.evaluation.tracks import Tracks
+from lumpwatch.models.evaluation.tracks import Tracks
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

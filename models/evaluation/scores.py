@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from models.evaluation.clear import clear_mot
-from models.evaluation.identity import idf1
-from models.evaluation.pairing import pair
-from models.evaluation.tracks import Tracks
-from models.evaluation.vace import ata, n_moda, n_modp, sfda
+from lumpwatch.models.evaluation.clear import clear_mot
+from lumpwatch.models.evaluation.identity import idf1
+from lumpwatch.models.evaluation.pairing import pair
+from lumpwatch.models.evaluation.tracks import Tracks
+from lumpwatch.models.evaluation.vace import ata, n_moda, n_modp, sfda
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.evaluation.pairing import Array, FramePair, Pairing, assign, ratio, reaches, track_overlaps
+from lumpwatch.models.evaluation.pairing import (
+    Array,
+    FramePair,
+    Pairing,
+    assign,
+    ratio,
+    reaches,
+    track_overlaps,
+)
 
 
 def sfda(pairing: Pairing) -> float:

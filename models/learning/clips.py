@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.learning.tracks import Track, split_at_gaps
+from lumpwatch.models.learning.tracks import Track, split_at_gaps
 
 
 def at_interval(track: Track, interval_s: float, wanted_s: float) -> list[Track]:

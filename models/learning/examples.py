@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.births import PolygonBirths
-from models.likelihood.lump import LumpObservation
-from models.roi import View
-from models.state import H, States, W, X, Y
+from lumpwatch.models.jdt.births import PolygonBirths
+from lumpwatch.models.likelihood.lump import LumpObservation
+from lumpwatch.models.roi import View
+from lumpwatch.models.state import H, States, W, X, Y
 
 _JITTERED = 4
 TRIED = 400

@@ -14,15 +14,30 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.births import PolygonBirths
-from models.learning.examples import TRIED, LabelledView, elsewhere, jitter, misfits, mistaken, tempting
-from models.learning.learned import HistogramFit, LumpFit
-from models.learning.logistic import logistic
-from models.learning.patterns import learn_patterns
-from models.likelihood.histogram import Channel, HistogramLikelihood, histogram
-from models.likelihood.lump import FEATURES, LumpLikelihood, LumpObservation, expand, neutral, standardised
-from models.likelihood.patterns import no_patterns
-from models.state import States
+from lumpwatch.models.jdt.births import PolygonBirths
+from lumpwatch.models.learning.examples import (
+    TRIED,
+    LabelledView,
+    elsewhere,
+    jitter,
+    misfits,
+    mistaken,
+    tempting,
+)
+from lumpwatch.models.learning.learned import HistogramFit, LumpFit
+from lumpwatch.models.learning.logistic import logistic
+from lumpwatch.models.learning.patterns import learn_patterns
+from lumpwatch.models.likelihood.histogram import Channel, HistogramLikelihood, histogram
+from lumpwatch.models.likelihood.lump import (
+    FEATURES,
+    LumpLikelihood,
+    LumpObservation,
+    expand,
+    neutral,
+    standardised,
+)
+from lumpwatch.models.likelihood.patterns import no_patterns
+from lumpwatch.models.state import States
 
 _LUMP_RIDGE = 3e-3
 _TRUST = 0.1

@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from models.density import GridDensity
-from models.likelihood.histogram import Channel
-from models.likelihood.lump import FEATURES
-from models.likelihood.patterns import Patterns, no_patterns
-from models.motion_prior import CellVelocities
-from models.profile import RowProfile
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.jdt.motion_prior import CellVelocities
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.likelihood.histogram import Channel
+from lumpwatch.models.likelihood.lump import FEATURES
+from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
 
 DEFAULT_LOOKS_PER_S = 3.75
 """Where nothing was learned: a quarter of each frame counts at 15 frames a second."""

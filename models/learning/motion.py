@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from models.learning.tracks import Samples
-from models.state import VX, VY
+from lumpwatch.models.learning.tracks import Samples
+from lumpwatch.models.state import VX, VY
 
 Law = Literal["still", "walk", "velocity", "rate", "free", "bounce_x", "bounce_y", "bounce", "given"]
 """How a model predicts the next velocity; `given` steps are known from the labels file only."""

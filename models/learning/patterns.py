@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.learning.learned import LumpFit
-from models.learning.logistic import equal_shares
-from models.likelihood.lump import standardised
-from models.likelihood.patterns import Patterns
+from lumpwatch.models.learning.learned import LumpFit
+from lumpwatch.models.learning.logistic import equal_shares
+from lumpwatch.models.likelihood.lump import standardised
+from lumpwatch.models.likelihood.patterns import Patterns
 
 _RIDGE = 3e-4
 _STEPS = 150

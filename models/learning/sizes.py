@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.profile import RowProfile
-from models.state import H, States, W, Y
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.state import H, States, W, Y
 
 PRIOR_SPREAD = 0.28
 """Standard deviation of the log size among objects: four in five within a factor of 1.4 of the middle."""

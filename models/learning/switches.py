@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models import density
-from models.learning.tracks import Samples
-from models.state import Labels
-from models.switching import Matrix, joint_probabilities
+from lumpwatch.models.jdt import density
+from lumpwatch.models.jdt.switching import Matrix, joint_probabilities
+from lumpwatch.models.learning.tracks import Samples
+from lumpwatch.models.state import Labels
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Labelled tracks and the training triplets that come from them (paper 1, section 2.2.2).
 
 Each step of a track gives the kinematic state before it, x_{t-1}, and the velocities on both sides;
-the model labels alpha_{t-1}, alpha_t are given in the file or inferred by `models.learning.motion`.
+the model labels alpha_{t-1}, alpha_t are given in the file or inferred by `lumpwatch.models.learning.motion`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.state import AX, AY, VX, VY, H, States, W, X, Y, blank
+from lumpwatch.models.state import AX, AY, VX, VY, H, States, W, X, Y, blank
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from models.births import PolygonBirths
-from models.evaluation import overlaps
-from models.learning.examples import LabelledView
-from models.likelihood import Likelihood
-from models.state import H, States, W, X, Y
+from lumpwatch.models.evaluation import overlaps
+from lumpwatch.models.jdt.births import PolygonBirths
+from lumpwatch.models.learning.examples import LabelledView
+from lumpwatch.models.likelihood import Likelihood
+from lumpwatch.models.state import H, States, W, X, Y
 
 BOUND = 1e6
 """Bound of a likelihood under test: what lies beyond it was no log ratio but a box outside the polygon."""

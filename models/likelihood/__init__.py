@@ -3,9 +3,9 @@
 A likelihood looks at the picture once (`observe`) and is then asked about any number of states.
 """
 
-from models.likelihood.base import Likelihood, Observation
-from models.likelihood.histogram import HistogramLikelihood
-from models.likelihood.lump import LumpLikelihood
-from models.likelihood.network import NetworkLikelihood
+from lumpwatch.models.likelihood.base import Likelihood, Observation
+from lumpwatch.models.likelihood.histogram import HistogramLikelihood
+from lumpwatch.models.likelihood.lump import LumpLikelihood
+from lumpwatch.models.likelihood.network import NetworkLikelihood
 
 __all__ = ["HistogramLikelihood", "Likelihood", "LumpLikelihood", "NetworkLikelihood", "Observation"]

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.roi import View
-from models.state import States
+from lumpwatch.models.roi import View
+from lumpwatch.models.state import States
 
 LEAST_INSIDE = 0.75
 """A box with a smaller share of its area inside the polygon cannot be an object."""

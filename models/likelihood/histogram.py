@@ -23,9 +23,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside
-from models.roi import Image, View
-from models.state import States
+from lumpwatch.models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside
+from lumpwatch.models.roi import Image, View
+from lumpwatch.models.state import States
 
 BINS = 16
 Channel = Literal["luma", "colour"]

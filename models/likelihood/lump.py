@@ -18,13 +18,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.likelihood import template
-from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside, box_sum
-from models.likelihood.patterns import Patterns, no_patterns
-from models.likelihood.sums import PictureSums, brightness_of, sums_of
-from models.likelihood.template import NOISE, contrasts, scratch
-from models.roi import View
-from models.state import States
+from lumpwatch.models.likelihood import template
+from lumpwatch.models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside, box_sum
+from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
+from lumpwatch.models.likelihood.sums import PictureSums, brightness_of, sums_of
+from lumpwatch.models.likelihood.template import NOISE, contrasts, scratch
+from lumpwatch.models.roi import View
+from lumpwatch.models.state import States
 
 MEASURES = (
     "brightness",

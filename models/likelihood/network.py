@@ -21,9 +21,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside, box_sum
-from models.roi import Image, View
-from models.state import States
+from lumpwatch.models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside, box_sum
+from lumpwatch.models.roi import Image, View
+from lumpwatch.models.state import States
 
 ScoreMap = Callable[[Image], NDArray[np.float32]]
 """Grey picture (h, w) -> logits (any height, any width) that cover it."""

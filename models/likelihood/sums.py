@@ -19,8 +19,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.likelihood.base import box_sum
-from models.roi import Image, View
+from lumpwatch.models.likelihood.base import box_sum
+from lumpwatch.models.roi import Image, View
 
 COARSE = 7
 """Pixels over which the coarse picture is smoothed."""

@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from models.likelihood.base import box_edges
-from models.likelihood.sums import coarse_of, sums_of, unpacked
+from lumpwatch.models.likelihood.base import box_edges
+from lumpwatch.models.likelihood.sums import coarse_of, sums_of, unpacked
 
 CELLS, SPAN = 5, 1.6
 CHANNELS = ("brightness", "texture", "coarse_texture", "upright_edges")

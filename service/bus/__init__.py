@@ -1,1 +1,25 @@
-"""The bus: zenoh key expressions, codecs and sessions. No other package imports zenoh."""
+"""The bus: transport only. Keys, codecs and sessions; no other package imports zenoh."""
+
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.codec import FrameHeader
+from lumpwatch.service.bus.endpoints import Callback, Handler, Publisher
+from lumpwatch.service.bus.errors import BusClosed
+from lumpwatch.service.bus.keys import KEY_OF, Keys, Kind
+from lumpwatch.service.bus.ordering import Message
+from lumpwatch.service.bus.session import host_clock, open_client, open_hub
+
+__all__ = [
+    "KEY_OF",
+    "Bus",
+    "BusClosed",
+    "Callback",
+    "FrameHeader",
+    "Handler",
+    "Keys",
+    "Kind",
+    "Message",
+    "Publisher",
+    "host_clock",
+    "open_client",
+    "open_hub",
+]

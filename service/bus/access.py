@@ -6,8 +6,8 @@ allows is dropped in silence: to the sender it looks as if nobody were there.
 
 from __future__ import annotations
 
-from service.bus.keys import Kind, on_every_site
-from service.config.bus import AccessConfig
+from lumpwatch.service.bus.keys import Kind, on_every_site
+from lumpwatch.service.config import AccessConfig
 
 COMMANDS = (Kind.ACK, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.VERDICT, Kind.PROOF)
 """Queries that operators may send."""

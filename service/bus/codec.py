@@ -17,9 +17,9 @@ from typing import Annotated, Final, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
-from service.bus import jpeg
-from service.bus.errors import Malformation, MalformedMessage
-from service.frames import Encoding, Frame
+from lumpwatch.service.bus import jpeg
+from lumpwatch.service.bus.errors import Malformation, MalformedMessage
+from lumpwatch.service.core import Encoding, Frame
 
 WireEncoding = Literal["raw", "jpeg"]
 

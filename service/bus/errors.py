@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from service.errors import LumpwatchError
+from lumpwatch.service.errors import LumpwatchError
 
 
 class BusError(LumpwatchError):

@@ -9,10 +9,10 @@ from typing import cast
 
 import zenoh
 
-from service.bus import codec
-from service.bus.errors import BusClosed, Malformation, MalformedMessage
-from service.bus.link import Handle
-from service.frames import Frame
+from lumpwatch.service.bus import codec
+from lumpwatch.service.bus.errors import BusClosed, Malformation, MalformedMessage
+from lumpwatch.service.bus.handles import Handle
+from lumpwatch.service.core import Frame
 
 
 class FramePublisher(Handle):

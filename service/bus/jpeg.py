@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from service.bus.errors import Malformation, MalformedMessage
-from service.frames import Encoding
+from lumpwatch.service.bus.errors import Malformation, MalformedMessage
+from lumpwatch.service.core import Encoding
 
 _MAX_SEGMENTS = 64
 _SOI, _EOI = b"\xff\xd8", b"\xff\xd9"

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import zenoh
 
-from service.bus.access import access_control
-from service.bus.bus import Bus
-from service.bus.errors import BusClosed, BusError
-from service.bus.link import reason
-from service.config.bus import BusConfig, TlsConfig
+from lumpwatch.service.bus.access import access_control
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.errors import BusClosed, BusError
+from lumpwatch.service.bus.handles import reason
+from lumpwatch.service.config import BusConfig, TlsConfig
 
 _log = logging.getLogger(__name__)
 

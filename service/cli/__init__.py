@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from service.errors import LumpwatchError
+from lumpwatch.service.errors import LumpwatchError
 
 _MODULES = {
     "run": ("run",),
@@ -58,7 +58,7 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
     modules = [module for module, names in _MODULES.items() if command is None or command in names]
     for module in modules:
-        importlib.import_module(f"service.cli.{module}").add(commands)
+        importlib.import_module(f"lumpwatch.service.cli.{module}").add(commands)
     return top
 
 

@@ -1,8 +1,8 @@
-"""`python -m service.cli` is the `lumpwatch` command."""
+"""`python -m lumpwatch.service.cli` is the `lumpwatch` command."""
 
 import sys
 
-from service.cli import main
+from lumpwatch.service.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,15 +9,12 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from service.alarms import AlarmClass, AlarmState
-from service.bus.bus import Bus
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.common import Commands, add_command, stop_on_signals
-from service.config import load
-from service.config.bus import BusConfig
-from service.errors import ConfigError, LumpwatchError
-from service.messages import AlarmEvent, StateMessage
+from lumpwatch.service.bus import Bus, Keys, open_client
+from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
+from lumpwatch.service.config import BusConfig, load_config
+from lumpwatch.service.core import AlarmClass, AlarmState
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.protocol import AlarmEvent, StateMessage
 
 
 def add(commands: Commands) -> None:
@@ -48,7 +45,7 @@ def alarms(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.ack and ("/" not in arguments.ack or not arguments.actor):
         raise ConfigError("--ack takes CAMERA/ROI and needs --actor NAME")
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     keys = Keys(config.site)
     stop = stop_on_signals()
     with open_client(as_client(config.bus), stop, wait=False) as bus:

@@ -14,18 +14,23 @@ import cv2
 from rich.console import Console
 from rich.table import Table
 
-from service.backtest.archive import archive, short_names
-from service.backtest.curve import Point, Terms
-from service.backtest.record import Setup
-from service.backtest.report import write
-from service.backtest.run import Backtest, Result
-from service.backtest.run import backtest as run_backtest
-from service.cli.common import Commands, add_command, camera_of, progress, roi_of
-from service.config import SiteConfig, load
-from service.errors import ConfigError, LumpwatchError
-from service.readiness import check_priors
-from service.recordings import open_recording
-from service.store.priors import PriorStore
+from lumpwatch.service.capture import open_recording
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from lumpwatch.service.config import SiteConfig, load_config
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.offline import (
+    Backtest,
+    Point,
+    Result,
+    Setup,
+    Terms,
+    archive,
+    short_names,
+    write_backtest,
+)
+from lumpwatch.service.offline import backtest as run_backtest
+from lumpwatch.service.runtime import check_priors
+from lumpwatch.service.storage import PriorStore
 
 # As many workers as cores: one thread each, or they fight.
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -114,7 +119,7 @@ def backtest(arguments: argparse.Namespace) -> int:
     for result in found.results:
         _print(console, result, found)
     if arguments.out is not None:
-        write(found, arguments.out)
+        write_backtest(found, arguments.out)
         _draw(found, arguments.out / "backtest.png")
         console.print(f"results in {arguments.out}")
     for failure in found.failures:
@@ -144,7 +149,7 @@ def _workers(wanted: int | None) -> int:
 
 def _setup(name: str, path: Path, camera_id: str | None, roi_id: str | None) -> Setup:
     """A configuration with the ROI that is meant and its prior. Raises ConfigError."""
-    config = load(path)
+    config = load_config(path)
     try:
         return _chosen(name, config, camera_id, roi_id)
     except ConfigError as error:
@@ -181,11 +186,10 @@ def _pool(workers: int) -> ProcessPoolExecutor:
 
 
 def _draw(found: Backtest, path: Path) -> None:
-    from service.backtest.plots import draw
-    from service.plots import PlotError
+    from lumpwatch.service.offline import PlotError, draw_backtest
 
     try:
-        draw(found, path)
+        draw_backtest(found, path)
     except PlotError as error:
         sys.stderr.write(f"lumpwatch: no picture: {error}\n")
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.common import Commands, add_command
-from service.config import load
-from service.readiness import check_priors, check_simulations
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import load_config
+from lumpwatch.service.runtime import check_priors, check_simulations
 
 
 def add(commands: Commands) -> None:
@@ -27,7 +27,7 @@ def add(commands: Commands) -> None:
 
 def check(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     check_simulations(config)
     table = Table(title=f"{config.site}: configuration is valid")
     for heading in ("camera", "source", "roi", "detector", "prior"):

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from service.config import CameraConfig, RoiConfig, SiteConfig
-from service.errors import ConfigError
+from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
+from lumpwatch.service.errors import ConfigError
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]

@@ -13,21 +13,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from service.alarms import AlarmClass
-from service.bus.bus import Bus
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import describe_alarm
-from service.cli.common import Commands, add_command, stop_on_signals
-from service.config import SiteConfig, parse
-from service.config.bus import BusConfig
-from service.daemon import Addresses
-from service.daemon import run as run_daemon
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.logs import LEVEL, log_to_stderr
-from service.messages import AlarmEvent, StateMessage
-from service.store.priors import PriorStore, read_file
+from lumpwatch.service.bus import Bus, Keys, open_client
+from lumpwatch.service.cli.alarms import describe_alarm
+from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
+from lumpwatch.service.config import BusConfig, SiteConfig, parse_config
+from lumpwatch.service.core import LEVEL, AlarmClass, log_to_stderr
+from lumpwatch.service.protocol import AlarmEvent, StateMessage
+from lumpwatch.service.runtime import Addresses
+from lumpwatch.service.runtime import run as run_daemon
+from lumpwatch.service.simulator import FeedSimulator, FeedSpec
+from lumpwatch.service.storage import PriorStore, read_file
 
 FEED = "lumps_per_minute=4&dust=0.25"
 SEED = 10  # a lump comes early, and between two lumps the belt is clear
@@ -76,10 +71,10 @@ def demo(arguments: argparse.Namespace) -> int:
     console = Console(highlight=False)
     with tempfile.TemporaryDirectory(prefix="lumpwatch-demo-") as folder:
         text = demo_config(Path(folder) / "var", arguments.seed)
-        config = parse(text, "demo configuration")
+        config = parse_config(text, "demo configuration")
         console.print("[bold]The configuration of this demo:[/bold]")
         console.print(text, markup=False, soft_wrap=True)
-        with as_file(files("service.feed") / "demo.prior") as prior:
+        with as_file(files("lumpwatch.service.simulator") / "demo.prior") as prior:
             PriorStore(config.store.path).save(read_file(prior))
         follower = _Follower(config, console, arguments.seconds, stop)
         run_daemon(config, stop, on_ready=follower.start)

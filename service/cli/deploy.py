@@ -10,15 +10,12 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.common import Command, Commands, add_command
-from service.config.load import site_name
-from service.deployment.bundle import Bundle, bundle
-from service.deployment.errors import DeployError
-from service.deployment.plan import Found, short
-from service.deployment.rollout import Rollout
+from lumpwatch.service.cli.common import Command, Commands, add_command
+from lumpwatch.service.config import site_name
+from lumpwatch.service.deployment import Bundle, DeployError, Found, Rollout, bundle, short_name
 
 if TYPE_CHECKING:
-    from service.deployment.engine import DockerEngine
+    from lumpwatch.service.deployment import DockerEngine
 
 IMAGE = "lumpwatch:latest"
 _WIDE = 240
@@ -91,7 +88,9 @@ def plan(arguments: argparse.Namespace) -> int:
     image = engine.image(arguments.image)
     decided = rollout.plan(image, wanted)
     _say(f"{wanted.name}: {decided.action} ({'; '.join(decided.reasons)})")
-    _say(f"image {arguments.image} {short(image)}, network {wanted.network}, store {wanted.store_volume}")
+    _say(
+        f"image {arguments.image} {short_name(image)}, network {wanted.network}, store {wanted.store_volume}"
+    )
     _say(f"shared memory {wanted.shm_mib} MiB, memory limit {wanted.memory_mib} MiB")
     return 0
 
@@ -157,7 +156,7 @@ def logs(arguments: argparse.Namespace) -> int:
 
 def _cells(found: Found) -> tuple[str, ...]:
     restarts = f", {found.restarts} restarts" if found.restarts else ""
-    return found.name, found.status + restarts, short(found.image), found.digest[:12], found.since[:19]
+    return found.name, found.status + restarts, short_name(found.image), found.digest[:12], found.since[:19]
 
 
 def _bundle(arguments: argparse.Namespace) -> Bundle:
@@ -169,7 +168,7 @@ def _rollout(arguments: argparse.Namespace, engine: DockerEngine, timeout_s: flo
 
 
 def _engine(arguments: argparse.Namespace) -> DockerEngine:
-    from service.deployment.engine import connect  # the SDK takes a while, and no other command needs it
+    from lumpwatch.service.deployment import connect  # the SDK takes a while, and no other command needs it
 
     return connect(arguments.socket)
 

@@ -14,12 +14,12 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
-from models.evaluation import METRICS, Scores, Tracks, tracks_of
-from models.evaluation import evaluate as run_evaluation
-from service.cli.common import Commands, add_command
-from service.errors import ConfigError, LumpwatchError
-from service.labels import read_labels
-from service.messages import StateLine
+from lumpwatch.models.evaluation import METRICS, Scores, Tracks, tracks_of
+from lumpwatch.models.evaluation import evaluate as run_evaluation
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.protocol import StateLine
+from lumpwatch.service.storage import read_labels
 
 Row = tuple[int, int, tuple[float, float, float, float]]
 """Frame, track and box."""

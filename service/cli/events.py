@@ -15,11 +15,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.common import Commands, add_command, camera_of
-from service.config import load
-from service.errors import ConfigError
-from service.store.events import Event, EventLogError, event_file, read_events
-from service.timespan import seconds
+from lumpwatch.service.cli.common import Commands, add_command, camera_of
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core import seconds_of
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.storage import Event, EventLogError, event_file, read_events
 
 _COLUMNS = (
     "time", "monotonic_s", "camera", "roi", "class", "change", "before", "after", "actor", "reason",
@@ -52,7 +52,7 @@ def add(commands: Commands) -> None:
 
 def events(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     since_s = None if arguments.since is None else moment(arguments.since, time.time())
     chosen = [camera_of(config, arguments.camera)] if arguments.camera else config.cameras
     files = [event_file(config.store.path, camera.id) for camera in chosen]
@@ -71,7 +71,7 @@ def moment(text: str, now_s: float) -> float:
     except ValueError:
         pass
     try:
-        return now_s - seconds(text)
+        return now_s - seconds_of(text)
     except ConfigError:
         raise ConfigError(
             f"--since '{text}': is neither a time (2024-05-17T06:00) nor a span (12h)"

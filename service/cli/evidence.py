@@ -12,18 +12,21 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
-from service.bus.bus import Bus
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.cli.common import Commands, add_command
-from service.config import SiteConfig, load
-from service.errors import ConfigError
-from service.evidence.meta import EvidenceError, EvidenceMeta
-from service.evidence.serve import as_json, copy, fetch
-from service.evidence.store import EvidenceStore
-from service.evidence.verdicts import verdicts_by_id
-from service.store.events import event_file
+from lumpwatch.service.bus import Bus, Keys, open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import SiteConfig, load_config
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.evidence import (
+    EvidenceError,
+    EvidenceStore,
+    as_json,
+    copy_evidence,
+    fetch_evidence,
+    verdicts_by_id,
+)
+from lumpwatch.service.protocol import EvidenceMeta
+from lumpwatch.service.storage import event_file
 
 _WIDE = 200
 
@@ -58,7 +61,7 @@ def evidence(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"evidence {arguments.what} {'takes no' if arguments.id else 'needs an'} ID")
     if (arguments.what == "fetch") != (arguments.out is not None):
         raise ConfigError("evidence fetch needs --out DIR, and only that does")
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     if not arguments.bus:
         return _from_store(arguments, config)
     with open_client(as_client(config.bus), wait=False) as bus:
@@ -78,7 +81,7 @@ def _from_store(arguments: argparse.Namespace, config: SiteConfig) -> int:
     one = store.find(arguments.id)
     if arguments.what == "show":
         return _show(as_json(one.meta, known(one.meta.camera)))
-    _say(f"{copy(one, arguments.out).folder}")
+    _say(f"{copy_evidence(one, arguments.out).folder}")
     return 0
 
 
@@ -100,7 +103,7 @@ def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> in
     one = wanted[0]
     if arguments.what == "show":
         return _show(one)
-    copied = fetch(bus, keys.evidence(one["camera"], one["roi"]), one["id"], arguments.out)
+    copied = fetch_evidence(bus, keys.evidence(one["camera"], one["roi"]), one["id"], arguments.out)
     _say(f"{copied.folder}")
     return 0
 

@@ -8,9 +8,9 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-from service.cli.common import Commands, add_command
-from service.config import SiteConfig, load
-from service.errors import LumpwatchError
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import SiteConfig, load_config
+from lumpwatch.service.errors import LumpwatchError
 
 _PAGES = {"live": "/livez", "ready": "/readyz", "started": "/startupz"}
 
@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
 
 def health(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     problems = ask(config, arguments.of, arguments.timeout)
     print("\n".join(problems) if problems else arguments.of)  # noqa: T201 - the answer
     return 1 if problems else 0

@@ -5,14 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from service.cli.common import Commands, add_command
-from service.config import load
-from service.errors import ConfigError
-from service.evidence.labels import export
-from service.evidence.meta import Evidence
-from service.evidence.store import EvidenceStore
-from service.store.events import EventLogError, event_file, reading
-from service.store.notes import Verdict, latest_verdicts
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import load_config
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.evidence import Evidence, EvidenceStore
+from lumpwatch.service.storage import EventLogError, Verdict, event_file, latest_verdicts, reading
+from lumpwatch.service.training import export
 
 
 def add(commands: Commands) -> None:
@@ -37,7 +35,7 @@ def add(commands: Commands) -> None:
 
 def labels(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     store = EvidenceStore(config.store.path)
     judged: dict[str, tuple[Evidence, Verdict]] = {}
     without = 0

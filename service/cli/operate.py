@@ -6,14 +6,12 @@ import argparse
 import json
 from pathlib import Path
 
-from service.alarms import AlarmClass
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client, ask_one
-from service.cli.common import Commands, add_command, camera_of, roi_of
-from service.config import load
-from service.errors import ConfigError
-from service.timespan import seconds
+from lumpwatch.service.bus import Keys, open_client
+from lumpwatch.service.cli.alarms import as_client, ask_one
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core import AlarmClass, seconds_of
+from lumpwatch.service.errors import ConfigError
 
 _WHERE = "--camera crusher-1 --roi apron --actor anna"
 
@@ -99,7 +97,7 @@ def reset(arguments: argparse.Namespace) -> int:
 
 def shelve(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    span_s = seconds(arguments.span)
+    span_s = seconds_of(arguments.span)
     return _ask(arguments, "shelve", {"reason": arguments.reason, "for_s": f"{span_s:g}"})
 
 
@@ -118,7 +116,7 @@ def service(arguments: argparse.Namespace) -> int:
 
 
 def _ask(arguments: argparse.Namespace, what: str, parameters: dict[str, str]) -> int:
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     keys = Keys(config.site)

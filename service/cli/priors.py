@@ -8,14 +8,19 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.common import Commands, add_command, camera_of, roi_of
-from service.config import load
-from service.errors import ConfigError, LumpwatchError
-from service.shadow.keeping import read_state
-from service.shadow.record import summary
-from service.store import atomic
-from service.store.prior import PriorError, encode
-from service.store.priors import PriorStore, check_owner, read_file
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.config import load_config
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.protocol import summary
+from lumpwatch.service.storage import (
+    PriorError,
+    PriorStore,
+    check_owner,
+    encode_prior,
+    read_file,
+    read_state,
+    replace_file,
+)
 
 
 def add(commands: Commands) -> None:
@@ -50,7 +55,7 @@ def add(commands: Commands) -> None:
 
 def priors(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     store = PriorStore(config.store.path, config.store.keep_priors)
@@ -127,12 +132,12 @@ def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespa
             raise PriorError(f"{camera}/{roi}: has no prior that can be read")
         prior = found
     if arguments.action == "show":
-        from service.plots import draw_prior
+        from lumpwatch.service.offline import draw_prior
 
         draw_prior(prior, arguments.file)
     else:
         try:
-            atomic.replace(arguments.file, encode(prior))
+            replace_file(arguments.file, encode_prior(prior))
         except OSError as error:
             raise LumpwatchError(f"{arguments.file}: cannot be written ({error.strerror})") from error
     print(f"{camera}/{roi}: version {prior.version} -> {arguments.file}")  # noqa: T201

@@ -6,12 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client, ask_one
-from service.cli.common import Commands, add_command, camera_of, roi_of
-from service.config import load
-from service.proof.messages import Outcome, ProofResult
+from lumpwatch.service.bus import Keys, open_client
+from lumpwatch.service.cli.alarms import as_client, ask_one
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.config import load_config
+from lumpwatch.service.protocol import Outcome, ProofResult
 
 _PATIENCE_S = 300.0
 
@@ -35,7 +34,7 @@ def add(commands: Commands) -> None:
 
 def proof(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     cameras = config.cameras if arguments.camera is None else (camera_of(config, arguments.camera),)
     keys, passed = Keys(config.site), True
     with open_client(as_client(config.bus), wait=False) as bus:

@@ -11,13 +11,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from models.quality.region import Measure
-from service.cli.common import Commands, add_command, camera_of, progress
-from service.config import CameraConfig, load
-from service.errors import ConfigError
-from service.recordings import read_frames
-from service.reference import Recording, learn_reference
-from service.store.reference import Reference, ReferenceStore
+from lumpwatch.models.picture.region import Measure
+from lumpwatch.service.capture import read_frames
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress
+from lumpwatch.service.config import CameraConfig, load_config
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.storage import Reference, ReferenceStore
+from lumpwatch.service.training import Recording, learn_reference
 
 
 def add(commands: Commands) -> None:
@@ -54,7 +54,7 @@ def add(commands: Commands) -> None:
 
 def reference(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     store = ReferenceStore(config.store.path, config.store.keep_priors)
     if arguments.use is not None:

@@ -9,14 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from service.backtest.archive import archive, boxes_of
-from service.cli.common import Commands, add_command, camera_of, progress, roi_of
-from service.config import RoiConfig, SiteConfig, load
-from service.refining import ConfirmedClip, recorded_clip, refine, sources
-from service.store.footage import FootageArchive
-from service.store.prior import Prior
-from service.store.priors import PriorStore
-from service.store.versions import StoreError
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from lumpwatch.service.config import RoiConfig, SiteConfig, load_config
+from lumpwatch.service.offline import archive, boxes_of
+from lumpwatch.service.storage import FootageArchive, Prior, PriorStore, StoreError
+from lumpwatch.service.training import ConfirmedClip, footage_sources, recorded_clip, refine
 
 _MEGABYTE = 1_000_000
 
@@ -51,7 +48,7 @@ def add(commands: Commands) -> None:
 
 def refine_command(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     only = camera.model_copy(update={"rois": (roi,)})
@@ -68,7 +65,9 @@ def refine_command(arguments: argparse.Namespace) -> int:
     _warn_of_what_is_missing(store.current(camera.id, roi.id).prior, clips)
     with progress("reading", None) as advance:
         trained = refine(roi, clips, advance)
-    stored = store.save(trained.as_prior(camera.id, roi, sources(clips), datetime.now(UTC)), shadow=True)
+    stored = store.save(
+        trained.as_prior(camera.id, roi, footage_sources(clips), datetime.now(UTC)), shadow=True
+    )
     for warning in trained.warnings:
         _warn(warning)
     for clip in given:

@@ -10,21 +10,25 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.common import Commands, add_command, camera_of, progress
-from service.config import CameraConfig, load
-from service.errors import ConfigError
-from service.evidence.meta import read_evidence
-from service.evidence.replay import load_camera, replay_evidence
-from service.frames import Frame
-from service.pipeline import CameraPipeline, RoiResult
-from service.readiness import check_priors
-from service.recordings import read_frames
-from service.replay import ReplayError, Summary, Watcher
-from service.replay import replay as run_replay
-from service.shadow.record import summary as lines_of
-from service.shadow.recorded import ReplayShadow
-from service.store.priors import PriorStore
-from service.store.reference import ReferenceStore
+from lumpwatch.service.capture import read_frames
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress
+from lumpwatch.service.config import CameraConfig, load_config
+from lumpwatch.service.core import Frame, RoiResult
+from lumpwatch.service.detection import CameraPipeline
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.evidence import read_evidence
+from lumpwatch.service.offline import (
+    ReplayError,
+    ReplayShadow,
+    Summary,
+    Watcher,
+    load_camera,
+    replay_evidence,
+)
+from lumpwatch.service.offline import replay as run_replay
+from lumpwatch.service.protocol import summary as lines_of
+from lumpwatch.service.runtime import check_priors
+from lumpwatch.service.storage import PriorStore, ReferenceStore
 
 
 def add(commands: Commands) -> None:
@@ -78,7 +82,7 @@ def replay(arguments: argparse.Namespace) -> int:
     missing = [name for name in ("config", "video", "camera") if getattr(arguments, name) is None]
     if missing:
         raise ConfigError(f"replay needs CONFIG, VIDEO and --camera, or --evidence; {missing[0]} is missing")
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     check_priors(config.model_copy(update={"cameras": (camera,)}))
     store = PriorStore(config.store.path, config.store.keep_priors)
@@ -142,7 +146,7 @@ def _evidence(arguments: argparse.Namespace) -> int:
 def _plot(arguments: argparse.Namespace, watchers: list[Watcher]):  # type: ignore[no-untyped-def]
     if not arguments.plot:
         return None
-    from service.plots import ExistenceCurves
+    from lumpwatch.service.offline import ExistenceCurves
 
     curves = ExistenceCurves()
 
@@ -158,7 +162,7 @@ def _overlay(
 ) -> None:
     if not arguments.overlay:
         return
-    from service.overlay import OverlayVideo
+    from lumpwatch.service.offline import OverlayVideo
 
     try:
         arguments.out.mkdir(parents=True, exist_ok=True)

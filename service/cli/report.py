@@ -10,15 +10,13 @@ import time
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-from service.cli.common import Commands, add_command
-from service.config import SiteConfig, load
-from service.errors import LumpwatchError
-from service.evidence.meta import STILL, EvidenceError, read_evidence
-from service.evidence.store import EvidenceStore
-from service.shift.figures import Figures, figures
-from service.shift.record import read_shift
-from service.shift.window import window
-from service.store.events import EventLogError, event_file
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import SiteConfig, load_config
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.evidence import EvidenceError, EvidenceStore, read_evidence
+from lumpwatch.service.offline import Figures, read_shift, report_window, shift_figures
+from lumpwatch.service.protocol import STILL
+from lumpwatch.service.storage import EventLogError, event_file
 
 MOST_STILLS = 100
 """So that the page of a bad day can still be opened."""
@@ -53,19 +51,19 @@ def add(commands: Commands) -> None:
 
 def report(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     now_s = time.time()
-    about = window(arguments.shift, config.shifts, now_s)
+    about = report_window(arguments.shift, config.shifts, now_s)
     files = [event_file(config.store.path, camera.id) for camera in config.cameras]
     if not any(file.is_file() for file in files):
         raise EventLogError(f"{files[0].parent}: holds no event log (nothing has happened yet?)")
     records = read_shift(config, about)
-    found = figures(config.site, about, records, now_s)
+    found = shift_figures(config.site, about, records, now_s)
     if arguments.out is not None:
-        from service.shift.page import page
+        from lumpwatch.service.offline import shift_page
 
         zone = ZoneInfo(config.shifts.time_zone)
-        _write(arguments.out, page(found, records, about, zone, _stills(config, found)))
+        _write(arguments.out, shift_page(found, records, about, zone, _stills(config, found)))
     if arguments.json is not None or arguments.out is None:
         text = json.dumps(found, indent=2) + "\n"
         if arguments.json in (None, "-"):

@@ -6,12 +6,11 @@ import argparse
 import logging
 from pathlib import Path
 
-from service.cli.common import Commands, add_command, camera_of, stop_on_signals
-from service.config import load
-from service.daemon import Addresses
-from service.daemon import run as run_daemon
-from service.logs import log_to_stderr
-from service.readiness import check_priors, check_shared_memory, check_simulations
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, stop_on_signals
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core import log_to_stderr
+from lumpwatch.service.runtime import Addresses, check_priors, check_shared_memory, check_simulations
+from lumpwatch.service.runtime import run as run_daemon
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +37,7 @@ def add(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     for camera_id in arguments.camera:
         camera_of(config, camera_id)
     log_to_stderr()

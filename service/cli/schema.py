@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from service.cli.common import Commands, add_command
-from service.config import schema as config_schema
-from service.contract import MESSAGES, asyncapi
-from service.contract import schema as message_schema
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import config_schema
+from lumpwatch.service.protocol import MESSAGES, asyncapi_text, message_schema
 
 
 def add(commands: Commands) -> None:
@@ -39,4 +38,4 @@ def text(of: str) -> str:
     """One schema as JSON text; the AsyncAPI document as YAML."""
     if of == "config":
         return config_schema()
-    return asyncapi.text() if of == "asyncapi" else message_schema(of)
+    return asyncapi_text() if of == "asyncapi" else message_schema(of)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from service.cli.common import Commands, add_command, progress
-from service.errors import ConfigError, LumpwatchError
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
+from lumpwatch.service.cli.common import Commands, add_command, progress
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+from lumpwatch.service.simulator import FeedSpec, write_video
 
 
 def add(commands: Commands) -> None:

@@ -11,23 +11,32 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
-from service.cli.common import Commands, add_command, camera_of, progress, roi_of
-from service.cli.refine import archive_of, keep_footage
-from service.clips import Material, clips_of, gather
-from service.config import CameraConfig, RoiConfig, SiteConfig, load
-from service.errors import ConfigError
-from service.plots import PlotError, draw_prior
-from service.proposals import accept, parse_ids, to_text
-from service.readiness import check_priors
-from service.recordings import read_frames
-from service.store.prior import Prior
-from service.store.priors import PriorStore
-from service.tempering import GRID
-from service.training import Trained, learn, tempered
-from service.training_checks import coverage_warnings, validation_warnings
-from service.training_report import training_report
-from service.validation import Validation, cross_validate
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
+from lumpwatch.service.capture import read_frames
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from lumpwatch.service.cli.refine import archive_of, keep_footage
+from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig, load_config
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.offline import PlotError, draw_prior
+from lumpwatch.service.runtime import check_priors
+from lumpwatch.service.storage import Prior, PriorStore
+from lumpwatch.service.training import (
+    GRID,
+    Material,
+    Trained,
+    Validation,
+    accept_proposals,
+    clips_of,
+    coverage_warnings,
+    cross_validate,
+    gather,
+    learn,
+    parse_ids,
+    tempered,
+    to_text,
+    training_report,
+    validation_warnings,
+)
 
 
 def add(commands: Commands) -> None:
@@ -97,13 +106,13 @@ def add(commands: Commands) -> None:
 def train(arguments: argparse.Namespace) -> int:
     """Run the command."""
     _check(arguments)
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     if arguments.suggest is not None:
         return _suggest(arguments, config, camera, roi)
     if arguments.accept is not None:
-        many = accept(arguments.labels, parse_ids(arguments.accept))
+        many = accept_proposals(arguments.labels, parse_ids(arguments.accept))
         sys.stdout.write(f"{arguments.labels}: {many} accepted\n")
     return _train(arguments, config, camera, roi)
 
@@ -133,8 +142,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConfig, roi: RoiConfig) -> int:
-    from service.contact_sheet import contact_sheet
-    from service.suggest import suggest
+    from lumpwatch.service.training import contact_sheet, suggest
 
     only = camera.model_copy(update={"rois": (roi,)})
     check_priors(config.model_copy(update={"cameras": (only,)}))

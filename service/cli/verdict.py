@@ -6,12 +6,11 @@ import argparse
 import json
 from pathlib import Path
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client, ask_one
-from service.cli.common import Commands, add_command, camera_of, roi_of
-from service.config import load
-from service.store.notes import Says
+from lumpwatch.service.bus import Keys, open_client
+from lumpwatch.service.cli.alarms import as_client, ask_one
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.config import load_config
+from lumpwatch.service.storage import Says
 
 
 def add(commands: Commands) -> None:
@@ -38,7 +37,7 @@ def add(commands: Commands) -> None:
 
 def verdict(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load(arguments.config)
+    config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     asked = {"actor": arguments.by, "verdict": arguments.verdict}

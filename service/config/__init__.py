@@ -1,11 +1,13 @@
-"""The configuration: one strict model a concern, loaded from YAML by `load`."""
+"""The configuration: one strict model a concern, loaded from YAML by `load_config`."""
 
-from service.config.alarm import AlarmConfig
-from service.config.bus import BusConfig
-from service.config.cameras import CameraConfig, RoiConfig
-from service.config.detector import DetectorConfig
-from service.config.evidence import EvidenceConfig, ShiftsConfig
-from service.config.jdt import (
+from lumpwatch.service.config.alarm import AlarmConfig, ConditionAlarmConfig
+from lumpwatch.service.config.base import NotNegative, Positive, PositiveSeconds, Strict, Unit
+from lumpwatch.service.config.bus import AccessConfig, BusConfig, TlsConfig
+from lumpwatch.service.config.calibration import CalibrationConfig
+from lumpwatch.service.config.cameras import CameraConfig, LatencyConfig, RoiConfig
+from lumpwatch.service.config.detector import DetectorConfig
+from lumpwatch.service.config.evidence import EvidenceConfig, ShiftsConfig
+from lumpwatch.service.config.jdt import (
     ExistenceConfig,
     HistogramConfig,
     JdtConfig,
@@ -13,16 +15,31 @@ from service.config.jdt import (
     LumpConfig,
     NetworkConfig,
 )
-from service.config.load import load, parse, schema
-from service.config.motion import MotionConfig
-from service.config.site import SiteConfig, StoreConfig, TelemetryConfig
-from service.config.source import SourceConfig
-from service.config.trackers import ImmPfConfig, JpdaConfig
+from lumpwatch.service.config.load import (
+    config_schema,
+    load_config,
+    parse_config,
+    read_text,
+    site_name,
+    variables,
+)
+from lumpwatch.service.config.motion import MotionConfig
+from lumpwatch.service.config.proof import ProofTestConfig
+from lumpwatch.service.config.quality import CheckConfig, QualityConfig
+from lumpwatch.service.config.site import SiteConfig, StoreConfig, TelemetryConfig
+from lumpwatch.service.config.source import PICTURE_SUFFIXES, BackoffConfig, SourceConfig
+from lumpwatch.service.config.trackers import ImmPfConfig, JpdaConfig, MixtureConfig, Zone
 
 __all__ = [
+    "PICTURE_SUFFIXES",
+    "AccessConfig",
     "AlarmConfig",
+    "BackoffConfig",
     "BusConfig",
+    "CalibrationConfig",
     "CameraConfig",
+    "CheckConfig",
+    "ConditionAlarmConfig",
     "DetectorConfig",
     "EvidenceConfig",
     "ExistenceConfig",
@@ -30,17 +47,31 @@ __all__ = [
     "ImmPfConfig",
     "JdtConfig",
     "JpdaConfig",
+    "LatencyConfig",
     "LikelihoodConfig",
     "LumpConfig",
+    "MixtureConfig",
     "MotionConfig",
     "NetworkConfig",
+    "NotNegative",
+    "Positive",
+    "PositiveSeconds",
+    "ProofTestConfig",
+    "QualityConfig",
     "RoiConfig",
     "ShiftsConfig",
     "SiteConfig",
     "SourceConfig",
     "StoreConfig",
+    "Strict",
     "TelemetryConfig",
-    "load",
-    "parse",
-    "schema",
+    "TlsConfig",
+    "Unit",
+    "Zone",
+    "config_schema",
+    "load_config",
+    "parse_config",
+    "read_text",
+    "site_name",
+    "variables",
 ]

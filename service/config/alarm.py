@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Self
 
 from pydantic import model_validator
 
-from service.config.base import Delay, PositiveSeconds, Probability, Strict
-
-Priority = Literal["critical", "high", "medium", "low"]
+from lumpwatch.service.config.base import Delay, PositiveSeconds, Probability, Strict
+from lumpwatch.service.core import Priority
 
 
 class AnnunciationConfig(Strict):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from service.config.base import PositiveSeconds, Strict
+from lumpwatch.service.config.base import PositiveSeconds, Strict
 
 Endpoint = Annotated[
     str, StringConstraints(pattern=r"^(tcp|udp|tls|quic|ws|unixsock-stream)/[^\s/]+(:\d{1,5})?(/[^\s]*)?$")

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from service.config.base import Positive, Strict, Unit
+from lumpwatch.service.config.base import Positive, Strict, Unit
 
 Corner = tuple[Unit, Unit]
 

@@ -6,15 +6,15 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from service.config.alarm import AlarmConfig
-from service.config.base import Id, PositiveSeconds, Strict, Unit
-from service.config.calibration import CalibrationConfig
-from service.config.detector import DetectorConfig
-from service.config.jdt import JdtConfig
-from service.config.learning import LearningConfig
-from service.config.proof import ProofTestConfig
-from service.config.quality import QualityConfig
-from service.config.source import SourceConfig
+from lumpwatch.service.config.alarm import AlarmConfig
+from lumpwatch.service.config.base import Id, PositiveSeconds, Strict, Unit
+from lumpwatch.service.config.calibration import CalibrationConfig
+from lumpwatch.service.config.detector import DetectorConfig
+from lumpwatch.service.config.jdt import JdtConfig
+from lumpwatch.service.config.learning import LearningConfig
+from lumpwatch.service.config.proof import ProofTestConfig
+from lumpwatch.service.config.quality import QualityConfig
+from lumpwatch.service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3, max_length=64)]

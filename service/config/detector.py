@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Tag
 
-from service.config.jdt import JdtConfig
-from service.config.trackers import ImmPfConfig, JpdaConfig
+from lumpwatch.service.config.jdt import JdtConfig
+from lumpwatch.service.config.trackers import ImmPfConfig, JpdaConfig
 
 
 def _kind(value: Any) -> Any:

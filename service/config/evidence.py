@@ -7,7 +7,7 @@ from zoneinfo import ZoneInfo
 
 from pydantic import Field, field_validator, model_validator
 
-from service.config.base import Strict
+from lumpwatch.service.config.base import Strict
 
 _Megabytes = Annotated[int, Field(ge=1, le=100_000_000)]
 Days = Annotated[float, Field(gt=0.0, le=36_500.0)]

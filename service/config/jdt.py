@@ -7,8 +7,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from service.config.base import Positive, PositiveSeconds, Probability, Strict
-from service.config.motion import DetectorBase, MotionConfig, MotionEntry, check_names
+from lumpwatch.service.config.base import Positive, PositiveSeconds, Probability, Strict
+from lumpwatch.service.config.motion import DetectorBase, MotionConfig, MotionEntry, check_names
 
 LUMP_MODELS = (
     MotionConfig(name="belt", kind="constant_acceleration"),

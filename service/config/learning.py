@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from service.config.base import PositiveSeconds, Strict
+from lumpwatch.service.config.base import PositiveSeconds, Strict
 
 
 class LearningConfig(Strict):

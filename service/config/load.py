@@ -15,22 +15,22 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent
 
-from service.config.base import Id
-from service.config.site import SiteConfig
-from service.errors import ConfigError
+from lumpwatch.service.config.base import Id
+from lumpwatch.service.config.site import SiteConfig
+from lumpwatch.service.errors import ConfigError
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 _MAX_BYTES = 4 << 20
 
 
-def load(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
+def load_config(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
     """Read and check the configuration file.
 
     Raises ConfigError, one line, for a file that cannot be read, YAML that cannot be parsed, an
     unset variable, or a key that is unknown, missing or wrong.
     """
     text = read_text(path)
-    config = parse(text, str(path), environ, path.parent)
+    config = parse_config(text, str(path), environ, path.parent)
     store = config.store.model_copy(update={"path": path.parent / config.store.path})
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
     return config.model_copy(update={"store": store, "bus": config.bus.model_copy(update={"tls": tls})})
@@ -62,7 +62,7 @@ def site_name(path: Path) -> str:
         raise ConfigError(str(error) if named else f"{path}: {error}") from None
 
 
-def parse(
+def parse_config(
     text: str, name: str = "config", environ: Mapping[str, str] = os.environ, folder: Path | None = None
 ) -> SiteConfig:
     """Check the configuration in `text`; `name` stands for the file in error messages.
@@ -92,7 +92,7 @@ def variables(text: str, environ: Mapping[str, str] = os.environ) -> dict[str, s
     return {name: _variable(name, name, environ) for name in names if {name, f"{name}_FILE"} & environ.keys()}
 
 
-def schema() -> str:
+def config_schema() -> str:
     """The JSON Schema of the configuration file."""
     return json.dumps(SiteConfig.model_json_schema(), indent=2, sort_keys=True)
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from service.config.base import Id, Positive, Strict
+from lumpwatch.service.config.base import Id, Positive, Strict
 
 MOTION_KINDS = (
     "constant_position",

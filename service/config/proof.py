@@ -7,7 +7,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from service.config.base import Delay, PositiveSeconds, Strict
+from lumpwatch.service.config.base import Delay, PositiveSeconds, Strict
 
 _CLOCK = re.compile(r"([01]\d|2[0-3]):[0-5]\d")
 _Long = Annotated[float, Field(ge=60.0, le=31 * 86_400.0)]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from service.config.base import Delay, PositiveSeconds, Strict, Unit
+from lumpwatch.service.config.base import Delay, PositiveSeconds, Strict, Unit
 
 
 class CheckConfig(Strict):

@@ -7,10 +7,10 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from service.config.base import Id, PositiveSeconds, Strict
-from service.config.bus import BusConfig
-from service.config.cameras import CameraConfig
-from service.config.evidence import Days, EvidenceConfig, ShiftsConfig
+from lumpwatch.service.config.base import Id, PositiveSeconds, Strict
+from lumpwatch.service.config.bus import BusConfig
+from lumpwatch.service.config.cameras import CameraConfig
+from lumpwatch.service.config.evidence import Days, EvidenceConfig, ShiftsConfig
 
 
 class StoreConfig(Strict):

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, SecretStr, field_validator, model_validator
 
-from service.config.base import NotNegative, Positive, PositiveSeconds, Strict
+from lumpwatch.service.config.base import NotNegative, Positive, PositiveSeconds, Strict
 
 SourceKind = Literal["rtsp", "video", "images", "simulated"]
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")

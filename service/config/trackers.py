@@ -10,9 +10,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from service.config.base import NotNegative, Positive, PositiveSeconds, Probability, Strict, Unit
-from service.config.jdt import HistogramConfig, JdtConfig
-from service.config.motion import DetectorBase, MotionConfig, MotionEntry, check_names
+from lumpwatch.service.config.base import NotNegative, Positive, PositiveSeconds, Probability, Strict, Unit
+from lumpwatch.service.config.jdt import HistogramConfig, JdtConfig
+from lumpwatch.service.config.motion import DetectorBase, MotionConfig, MotionEntry, check_names
 
 Zone = Annotated[tuple[tuple[Unit, Unit], ...], Field(min_length=3, max_length=64)]
 """Corners relative to the ROI's bounding box."""

@@ -1,1 +1,18 @@
-"""Rolling the daemon out as a container: `lumpwatch deploy`. Only `engine` knows the container engine."""
+"""Rolling the daemon out as a container. Only `engine` knows the container SDK; the daemon never imports this."""
+
+from lumpwatch.service.deployment.bundle import Bundle, bundle
+from lumpwatch.service.deployment.engine import DockerEngine, connect
+from lumpwatch.service.deployment.errors import DeployError
+from lumpwatch.service.deployment.plan import Found, short_name
+from lumpwatch.service.deployment.rollout import Rollout
+
+__all__ = [
+    "Bundle",
+    "DeployError",
+    "DockerEngine",
+    "Found",
+    "Rollout",
+    "bundle",
+    "connect",
+    "short_name",
+]

@@ -16,10 +16,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 
-from service.config import NetworkConfig, SiteConfig, parse
-from service.config.load import read_text, variables
-from service.errors import ConfigError
-from service.readiness import SHARED_MEMORY_MIB
+from lumpwatch.service.config import NetworkConfig, SiteConfig, parse_config, read_text, variables
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.runtime import SHARED_MEMORY_MIB
 
 HOME = PurePosixPath("/etc/lumpwatch")
 CONFIG = HOME / "site.yaml"
@@ -105,7 +104,7 @@ def bundle(
 ) -> Bundle:
     """Gather what the configuration file needs. Raises ConfigError, also for what cannot work in a container."""
     text = read_text(path)
-    config = parse(text, str(path), environ)
+    config = parse_config(text, str(path), environ)
     files = {CONFIG.name: text.encode()} | _beside(config, path.parent)
     environment: dict[str, str] = {}
     for name, value in variables(text, environ).items():

@@ -12,9 +12,9 @@ import docker
 import docker.errors
 import requests
 
-from service.deployment.bundle import CONFIG, HOME, Bundle
-from service.deployment.errors import DeployError
-from service.deployment.plan import Found, cause
+from lumpwatch.service.deployment.bundle import CONFIG, HOME, Bundle
+from lumpwatch.service.deployment.errors import DeployError
+from lumpwatch.service.deployment.plan import Found, cause
 
 _LABEL = "io.lumpwatch."
 _STOP_S = 15

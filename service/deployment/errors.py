@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.errors import LumpwatchError
+from lumpwatch.service.errors import LumpwatchError
 
 
 class DeployError(LumpwatchError):

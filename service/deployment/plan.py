@@ -50,7 +50,7 @@ def decide(image: str, digest: str, current: Found | None) -> Plan:
         return Plan(Action.CREATE, ("no container of this site exists",))
     reasons = []
     if current.image != image:
-        reasons.append(f"image {short(current.image)} becomes {short(image)}")
+        reasons.append(f"image {short_name(current.image)} becomes {short_name(image)}")
     if current.digest != digest:
         reasons.append("configuration, secrets or limits have changed")
     if reasons:
@@ -60,7 +60,7 @@ def decide(image: str, digest: str, current: Found | None) -> Plan:
     return Plan(Action.NOTHING, ("same image, same configuration, running",))
 
 
-def short(image: str) -> str:
+def short_name(image: str) -> str:
     """An image's id as people write it."""
     return image.removeprefix("sha256:")[:12]
 

@@ -11,9 +11,9 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from service.deployment.bundle import Bundle
-from service.deployment.errors import DeployError
-from service.deployment.plan import Action, Found, Plan, at_fault, cause, decide
+from lumpwatch.service.deployment.bundle import Bundle
+from lumpwatch.service.deployment.errors import DeployError
+from lumpwatch.service.deployment.plan import Action, Found, Plan, at_fault, cause, decide
 
 _POLL_S = 0.5
 

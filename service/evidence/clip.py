@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.errors import LumpwatchError
-from service.frames import Frame
-from service.messages import BlindReason
-from service.quality import Quality
+from lumpwatch.service.core import BlindReason, Frame, PictureQuality
+from lumpwatch.service.errors import LumpwatchError
 
 _MS = Fraction(1, 1000)
 _FORMATS = {"gray8": "gray", "i420": "yuv420p", "bgr8": "gray"}
@@ -70,7 +68,7 @@ def read_pictures(path: Path) -> Iterator[NDArray[np.uint8]]:
         raise ClipError(f"{path}: cannot be decoded ({error})") from error
 
 
-def sidecar(frame: Frame, now_s: float, quality: Quality) -> bytes:
+def sidecar(frame: Frame, now_s: float, quality: PictureQuality) -> bytes:
     """One line of `frames.jsonl`: all of a frame but its pixels, when it was decided, and how fit it was."""
     fields = {
         "seq": frame.seq,
@@ -93,7 +91,7 @@ def sidecar(frame: Frame, now_s: float, quality: Quality) -> bytes:
     return json.dumps(fields, separators=(",", ":")).encode() + b"\n"
 
 
-def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, Quality]]:
+def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, PictureQuality]]:
     """The frames, when each was decided, and what was judged of its quality. Raises ClipError."""
     try:
         lines = [json.loads(line) for line in times.read_bytes().splitlines()]
@@ -111,7 +109,7 @@ def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, Qualit
         raise ClipError(f"{video}: holds {count} pictures, {times.name} has {len(lines)} lines")
 
 
-def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, float, Quality]:
+def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, float, PictureQuality]:
     frame = Frame(
         seq=int(told["seq"]),
         capture_s=float(told["capture_s"]),
@@ -125,7 +123,7 @@ def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, flo
         reduction=int(told["reduction"]),
     )
     judged = told["quality"]
-    quality = Quality(
+    quality = PictureQuality(
         reason=None if judged["reason"] is None else BlindReason(judged["reason"]),
         suspect=bool(judged["suspect"]),
         held_off=bool(judged["held_off"]),

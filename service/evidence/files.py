@@ -1,4 +1,4 @@
-"""Writes the files of one piece of evidence; see `service.evidence.meta` for what they are."""
+"""Writes the files of one piece of evidence; see `lumpwatch.service.evidence.folder` for what they are."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import hashlib
 import os
 from pathlib import Path
 
-from service.config import CameraConfig
-from service.evidence.clip import sidecar, write_clip
-from service.evidence.meta import (
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core import utc
+from lumpwatch.service.evidence.clip import sidecar, write_clip
+from lumpwatch.service.evidence.recorder import Clip
+from lumpwatch.service.evidence.state_file import encode_state
+from lumpwatch.service.evidence.still import still
+from lumpwatch.service.protocol import (
     CAMERA,
     CLIP,
     META,
@@ -19,13 +23,9 @@ from service.evidence.meta import (
     TIMES,
     EvidenceMeta,
     StoredFile,
+    state_line,
 )
-from service.evidence.recorder import Clip
-from service.evidence.state import encode_state
-from service.evidence.still import still
-from service.messages import utc
-from service.report import state_line
-from service.store.prior import encode
+from lumpwatch.service.storage import encode_prior
 
 _BLOCK = 1 << 20
 
@@ -47,7 +47,7 @@ def write_files(folder: Path, clip: Clip, site: str, camera: CameraConfig, softw
         STILL: still(decisive, roi, trigger),
     }
     if clip.start.prior is not None:
-        contents[PRIOR] = encode(clip.start.prior)
+        contents[PRIOR] = encode_prior(clip.start.prior)
     write_clip(folder / CLIP, [one.frame for one in clip.kept])
     for name, content in contents.items():
         (folder / name).write_bytes(content)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from service.bus.messages import Handler
-from service.config import SiteConfig
-from service.evidence.recorder import EvidenceObserver, Kept, Recorder, Trigger
-from service.evidence.serve import serve_evidence
-from service.evidence.store import EvidenceStore
-from service.evidence.verdicts import judged, verdicts_by_id
-from service.evidence.writer import EvidenceWriter, Origin
-from service.frames import Frame
-from service.pipeline import CameraPipeline, RoiResult
-from service.snapshot import Snapshot
-from service.store.events import event_file
+from lumpwatch.service.bus import Handler
+from lumpwatch.service.config import SiteConfig
+from lumpwatch.service.core import Frame, RoiResult
+from lumpwatch.service.detection import CameraPipeline, Snapshot
+from lumpwatch.service.evidence.recorder import EvidenceObserver, Kept, Recorder, Trigger
+from lumpwatch.service.evidence.serve import serve_evidence
+from lumpwatch.service.evidence.store import EvidenceStore
+from lumpwatch.service.evidence.verdicts import judged, verdicts_by_id
+from lumpwatch.service.evidence.writer import EvidenceWriter, Origin
+from lumpwatch.service.storage import event_file
 
 
 class EvidenceKeeper:

@@ -12,12 +12,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from service.alarms import AlarmClass
-from service.config.evidence import EvidenceConfig
-from service.evidence.meta import Ended
-from service.frames import Frame
-from service.pipeline import RoiResult
-from service.snapshot import Snapshot
+from lumpwatch.service.config import EvidenceConfig
+from lumpwatch.service.core import AlarmClass, Frame, RoiResult
+from lumpwatch.service.detection import Snapshot
+from lumpwatch.service.protocol import Ended
 
 STATE_EVERY_S = 1.0
 """How often the state of the filters is kept."""

@@ -17,10 +17,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from service.bus.bus import Bus
-from service.bus.messages import Handler
-from service.evidence.meta import META, Evidence, EvidenceError, EvidenceMeta, read_evidence
-from service.evidence.store import EvidenceStore
+from lumpwatch.service.bus import Bus, Handler
+from lumpwatch.service.evidence.folder import Evidence, EvidenceError, read_evidence
+from lumpwatch.service.evidence.store import EvidenceStore
+from lumpwatch.service.protocol import META, EvidenceMeta
 
 PIECE = 1 << 20
 """Bytes of a file in one answer, unless fewer are asked for."""
@@ -52,7 +52,7 @@ def as_json(meta: EvidenceMeta, verdicts: dict[tuple[str, str], str]) -> dict[st
     return {**json.loads(meta.line()), "verdict": verdicts.get((meta.roi, meta.id))}
 
 
-def fetch(bus: Bus, key: str, evidence: str, out: Path) -> Evidence:
+def fetch_evidence(bus: Bus, key: str, evidence: str, out: Path) -> Evidence:
     """Copy a piece of evidence into `out`/ROI-ID over the bus, checked. Raises EvidenceError."""
     answer = _ask(bus, key, {"id": evidence})
     try:
@@ -75,7 +75,7 @@ def fetch(bus: Bus, key: str, evidence: str, out: Path) -> Evidence:
     return put_down(meta, out, fill)
 
 
-def copy(evidence: Evidence, out: Path) -> Evidence:
+def copy_evidence(evidence: Evidence, out: Path) -> Evidence:
     """Copy a piece of evidence from the store into `out`/ROI-ID, checked. Raises EvidenceError."""
 
     def fill(folder: Path) -> None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from models.roi import Image
-from service.config.cameras import RoiConfig
-from service.evidence.recorder import Kept, Trigger
-from service.overlay import COLOURS, label_of
-from service.planes import to_bgr
+from lumpwatch.models.roi import Image
+from lumpwatch.service.config import RoiConfig
+from lumpwatch.service.core import COLOURS, label_of, to_bgr
+from lumpwatch.service.evidence.recorder import Kept, Trigger
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _QUALITY = 88

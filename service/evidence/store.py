@@ -1,6 +1,6 @@
 """The evidence below one folder: what is there, and what must go.
 
-    <store>/evidence/<camera>/<roi>/<id>/           see `service.evidence.meta`
+    <store>/evidence/<camera>/<roi>/<id>/           see `lumpwatch.service.evidence.folder`
     <store>/evidence/<camera>/.writing.<roi>.<id>/  while it is written
 
 A folder gets its name when all its files are on the disk. Evidence is bounded in days and bytes: the
@@ -16,8 +16,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from service.config.evidence import EvidenceConfig
-from service.evidence.meta import META, Evidence, EvidenceError, EvidenceMeta, read_evidence
+from lumpwatch.service.config import EvidenceConfig
+from lumpwatch.service.evidence.folder import Evidence, EvidenceError, read_evidence
+from lumpwatch.service.protocol import META, EvidenceMeta
 
 _ID = re.compile(r"(\d{15})-\d{6,}")
 _WRITING = ".writing."

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from service.evidence.store import Entry
-from service.store.events import EventLogError, event_file, reading
-from service.store.notes import latest_verdicts
+from lumpwatch.service.evidence.store import Entry
+from lumpwatch.service.storage import EventLogError, event_file, latest_verdicts, reading
 
 
 def verdicts_by_id(path: Path) -> dict[tuple[str, str], str]:

@@ -17,12 +17,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from service.config import CameraConfig
-from service.config.evidence import EvidenceConfig
-from service.evidence.files import write_files
-from service.evidence.meta import EvidenceMeta
-from service.evidence.recorder import Clip, EvidenceObserver
-from service.evidence.store import Entry, EvidenceStore
+from lumpwatch.service.config import CameraConfig, EvidenceConfig
+from lumpwatch.service.evidence.files import write_files
+from lumpwatch.service.evidence.recorder import Clip, EvidenceObserver
+from lumpwatch.service.evidence.store import Entry, EvidenceStore
+from lumpwatch.service.protocol import EvidenceMeta
 
 log = logging.getLogger(__name__)
 

@@ -1,1 +1,25 @@
-"""Prometheus metrics and health of the daemon and its worker processes."""
+"""Prometheus metrics and health of the daemon and its worker processes, and the worker's line to the daemon."""
+
+from lumpwatch.service.telemetry.http import TelemetryServer
+from lumpwatch.service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
+from lumpwatch.service.telemetry.picture import PictureMetrics
+from lumpwatch.service.telemetry.proof import ProofMetrics
+from lumpwatch.service.telemetry.relay import Relay
+from lumpwatch.service.telemetry.shadow import ShadowMetrics
+from lumpwatch.service.telemetry.worker_link import GRACE_S, STARTING, Report, Worker, WorkerLink
+
+__all__ = [
+    "GRACE_S",
+    "STARTING",
+    "CameraMetrics",
+    "DaemonMetrics",
+    "MonitorMetrics",
+    "PictureMetrics",
+    "ProofMetrics",
+    "Relay",
+    "Report",
+    "ShadowMetrics",
+    "TelemetryServer",
+    "Worker",
+    "WorkerLink",
+]

@@ -14,7 +14,7 @@ from typing import Protocol, Self
 from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import choose_encoder
 
-from service.errors import LumpwatchError
+from lumpwatch.service.errors import LumpwatchError
 
 
 class TelemetryError(LumpwatchError):

@@ -12,11 +12,10 @@ from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
-from service.alarms import Alarm, AlarmClass, Change, Transition
-from service.detection import Detection
-from service.messages import Decision, Latency
-from service.telemetry.picture import PictureMetrics
-from service.telemetry.shadow import ShadowMetrics
+from lumpwatch.service.core import Alarm, AlarmClass, Change, Decision, Detection, Transition
+from lumpwatch.service.protocol import Latency
+from lumpwatch.service.telemetry.picture import PictureMetrics
+from lumpwatch.service.telemetry.shadow import ShadowMetrics
 
 _BUCKETS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 

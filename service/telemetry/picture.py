@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from service.messages import BlindReason
+from lumpwatch.service.core import BlindReason
 
 if TYPE_CHECKING:  # the camera's process counts with this package, and needs no filter
-    from service.quality import Quality
+    from lumpwatch.service.core import PictureQuality
 
 
 class PictureMetrics:
@@ -63,7 +63,7 @@ class PictureMetrics:
         for roi in rois:
             self._holdoffs.labels(camera, roi)
 
-    def judged(self, roi: str, reason: BlindReason | None, quality: Quality) -> None:
+    def judged(self, roi: str, reason: BlindReason | None, quality: PictureQuality) -> None:
         """What is known of a ROI's picture, and why it is BLIND."""
         for one in BlindReason:
             self._reason.labels(self._camera, roi, one.value).set(one is reason)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from service.proof.messages import Outcome, ProofResult
+from lumpwatch.service.protocol import Outcome, ProofResult
 
 
 class ProofMetrics:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from service.shadow.differences import SIDES, Counts
+from lumpwatch.service.detection import SIDES
+from lumpwatch.service.protocol import Counts
 
 
 class ShadowMetrics:
-    """Metrics of the shadows of one camera; satisfies `service.shadow.shadows.ShadowObserver`."""
+    """Metrics of the shadows of one camera; satisfies `lumpwatch.service.detection.shadow.shadows.ShadowObserver`."""
 
     def __init__(self, registry: CollectorRegistry, camera: str, rois: tuple[str, ...]) -> None:
         self._camera = camera

@@ -16,18 +16,18 @@ from pathlib import Path
 
 import av
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
-from service.config import load
-from service.encode import VideoWriter
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.messages import StateMessage
-from service.pipeline import CameraPipeline
-from service.recordings import read_frames
-from service.report import state_line
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.protocol.messages import StateMessage
+from lumpwatch.service.protocol.records import state_line
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.integration.site import Daemon, wait_for
 from tests.servers.process import RtspServer
 
@@ -58,7 +58,7 @@ def decode(video: Path) -> int:
 
 def pipeline(config_path: Path, video: Path) -> int:
     """Decoding, cutting, filtering, deciding and writing the state lines."""
-    config = load(config_path)
+    config = load_config(config_path)
     camera = config.camera(CAMERA)
     whole = CameraPipeline(camera)
     frames, _ = read_frames(camera, video)
@@ -108,7 +108,7 @@ def run() -> dict[str, float]:
 
 
 def _live(daemon: Daemon) -> dict[str, float]:
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     wait_for("ready", lambda: daemon.ready, 60)
     time.sleep(3.0)
     ages: list[float] = []

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from models.likelihood.lump import FEATURES
-from service.default_lump import DEFAULT_LUMP
+from lumpwatch.models.likelihood.lump import FEATURES
+from lumpwatch.service.detection.default_likelihood import default_likelihood
 from tests.benchmarks import background, peers, scaling
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -100,7 +100,7 @@ frame, the least there can be, or ten, as in clutter; finding them is not counte
 the positions, ours does not depend on what the picture shows. It works on whole arrays as well, which
 leaves less to gain than a loop over particles would; its multi-model filter also has no births and no
 existence to compute. The lump likelihood takes {len(FEATURES)} measures of each particle's box and weighs
-{len(DEFAULT_LUMP.patterns.offsets)} patterns of them, which is most of its step: it does the finding that
+{len(default_likelihood().patterns.offsets)} patterns of them, which is most of its step: it does the finding that
 Stone Soup leaves to a detector.
 
 {table(peer_rows(peer)) if peer else "Left out in this run: Stone Soup is not installed."}

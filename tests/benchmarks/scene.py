@@ -10,20 +10,20 @@ from typing import Literal
 
 import numpy as np
 
-from models.births import polygon_births
-from models.density import GridDensity
-from models.existence import ExistenceChain
-from models.jdt import JdtFilter
-from models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
-from models.likelihood.histogram import BINS
-from models.motion import ConstantVelocity
-from models.profile import default_profile
-from models.roi import Image, Roi, make_roi
-from models.state import Y
-from models.switching import AdaptiveSwitching
-from service.default_lump import DEFAULT_LUMP
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
+from lumpwatch.models.jdt.births import polygon_births
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import JdtFilter
+from lumpwatch.models.jdt.motion import ConstantVelocity
+from lumpwatch.models.jdt.row_profile import default_profile
+from lumpwatch.models.jdt.switching import AdaptiveSwitching
+from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
+from lumpwatch.models.likelihood.histogram import BINS
+from lumpwatch.models.roi import Image, Roi, make_roi
+from lumpwatch.models.state import Y
+from lumpwatch.service.detection.default_likelihood import default_likelihood
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
 
 WIDTH, HEIGHT, FPS = 320, 240, 15
 INTERVAL_S = 1 / FPS
@@ -50,7 +50,7 @@ def whole_roi() -> Roi:
 def make_likelihood(kind: Kind) -> Likelihood:
     """A likelihood with plausible numbers; its cost does not depend on them."""
     if kind == "lump":
-        fit = DEFAULT_LUMP
+        fit = default_likelihood()
         return LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, EVIDENCE, BOUND)
     levels = np.exp(-0.5 * ((np.arange(BINS) - 9.0) / 2.0) ** 2)
     return HistogramLikelihood(levels / levels.sum(), 2.0, 12.0, EVIDENCE, BOUND)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from service.deployment.engine import DockerEngine
+from lumpwatch.service.deployment.engine import DockerEngine
 from tests.container.engine import Site, build, missing, podman
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import docker
 
-from service.deployment.engine import DockerEngine, connect
+from lumpwatch.service.deployment.engine import DockerEngine, connect
 from tests.integration.site import LUMPWATCH, free_port, wait_for
 
 ROOT = Path(__file__).parents[2]

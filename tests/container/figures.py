@@ -11,10 +11,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
 from tests.container.engine import BASE, IMAGE, READY_S, Beats, Site, build, missing, podman
 from tests.integration.site import wait_for
 
@@ -65,7 +65,7 @@ def up(site: Site) -> float:
 def gaps(site: Site) -> tuple[list[float], str]:
     """Roll out a camera that does not exist: the two widest gaps in the heartbeat, and what was said."""
     beats = Beats()
-    config = load(site.config)
+    config = load_config(site.config)
     with open_client(as_client(config.bus)) as bus:
         bus.subscribe(Keys(config.site).heartbeats(), beats)
         wait_for("heartbeat", lambda: beats.times, 60)

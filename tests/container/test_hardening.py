@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from service.deployment.bundle import USER
-from service.deployment.engine import DockerEngine
+from lumpwatch.service.deployment.bundle import USER
+from lumpwatch.service.deployment.engine import DockerEngine
 from tests.container.engine import IMAGE, Site
 
 pytestmark = [pytest.mark.slow, pytest.mark.system, pytest.mark.timeout(900)]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.deployment.engine import DockerEngine
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.deployment.engine import DockerEngine
 from tests.container.engine import BARE, IMAGE, READY_S, ROOT, Beats, Site, build_bare
 from tests.integration.site import AlarmFollower, wait_for
 
@@ -41,7 +41,7 @@ def test_the_life_of_a_container(tmp_path: Path, site: Site, engine: DockerEngin
     assert site.attrs["RestartCount"] == 1
 
     beats = Beats()
-    config = load(site.config)
+    config = load_config(site.config)
     with open_client(as_client(config.bus)) as bus:
         bus.subscribe(Keys(config.site).heartbeats(), beats)
         wait_for("heartbeat", lambda: beats.times, 60)

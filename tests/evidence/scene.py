@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.alarms import AlarmClass, Change
-from service.config import CameraConfig
-from service.config.evidence import EvidenceConfig
-from service.evidence.files import write_files
-from service.evidence.meta import Evidence, read_evidence
-from service.evidence.recorder import Clip, Kept, Recorder, Trigger
-from service.frames import Frame
-from service.pipeline import CameraPipeline, RoiResult
-from service.report import Clocks, record_id
-from service.store.prior import Prior
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config.evidence import EvidenceConfig
+from lumpwatch.service.core.alarm import AlarmClass, Change
+from lumpwatch.service.core.clock import Clocks
+from lumpwatch.service.core.decision import RoiResult
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.evidence.files import write_files
+from lumpwatch.service.evidence.folder import Evidence, read_evidence
+from lumpwatch.service.evidence.recorder import Clip, Kept, Recorder, Trigger
+from lumpwatch.service.protocol.records import record_id
+from lumpwatch.service.storage.prior_file import Prior
 from tests.service_helpers import HEIGHT, INTERVAL_S, WIDTH, frame
 
 WALL_S = 1.7e9

@@ -10,18 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.roi import make_roi
-from service.alarms import AlarmClass
-from service.config import CameraConfig
-from service.detectors.base import FilterState, StateMismatchError
-from service.detectors.make import make_detector
-from service.evidence.clip import ClipError, read_frames, read_pictures
-from service.evidence.meta import CAMERA, CLIP, META, PRIOR, STATE, STATES, EvidenceError, read_evidence
-from service.evidence.replay import replay_evidence
-from service.evidence.state import StateError, decode_state, encode_state
-from service.frames import Frame
-from service.sizing import Looks
-from service.snapshot import Snapshot
+from lumpwatch.models.roi import make_roi
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.alarm import AlarmClass
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.detectors.base import FilterState, StateMismatchError
+from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.sizing import Looks
+from lumpwatch.service.detection.snapshot import Snapshot
+from lumpwatch.service.evidence.clip import ClipError, read_frames, read_pictures
+from lumpwatch.service.evidence.folder import EvidenceError, read_evidence
+from lumpwatch.service.evidence.state_file import StateError, decode_state, encode_state
+from lumpwatch.service.offline.evidence_replay import replay_evidence
+from lumpwatch.service.protocol.evidence import CAMERA, CLIP, META, PRIOR, STATE, STATES
 from tests.evidence.scene import Scene, moving, written
 from tests.service_helpers import HEIGHT, POLYGON, WIDTH, camera, learned, prior, same, site, site_tree
 

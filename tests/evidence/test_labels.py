@@ -12,20 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.roi import make_roi
-from service.backtest.archive import archive
-from service.cli import main
-from service.evidence.clip import write_video
-from service.evidence.files import write_files
-from service.evidence.labels import track_labels
-from service.evidence.store import EvidenceStore
-from service.footage import read_footage
-from service.frames import Frame
-from service.labels import read_labels
-from service.planes import reduced, whole, working_luma
-from service.recordings import read_frames
-from service.store.events import EventLog, event_file
-from service.store.notes import Says, Verdict
+from lumpwatch.models.roi import make_roi
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.cli import main
+from lumpwatch.service.core.crop import reduced_frame, whole_frame, working_luma
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.evidence.clip import write_video
+from lumpwatch.service.evidence.files import write_files
+from lumpwatch.service.evidence.store import EvidenceStore
+from lumpwatch.service.offline.backtest.archive import archive
+from lumpwatch.service.storage.event_log import EventLog, event_file
+from lumpwatch.service.storage.event_notes import Says, Verdict
+from lumpwatch.service.storage.label_file import read_labels
+from lumpwatch.service.training.evidence_labels import track_labels
+from lumpwatch.service.training.footage import read_footage
 from tests.evidence.scene import Scene, moving
 from tests.service_helpers import HEIGHT, WIDTH, camera, prior, site_tree
 from tests.shift.made import entry
@@ -40,8 +40,8 @@ def test_a_region_cuts_the_same_from_the_whole_picture(
     data = np.random.default_rng(seed).integers(0, 256, (height, width)).astype(np.uint8)
     roi = make_roi(POLYGON, width, height, working)
     frame = Frame(0, 0.0, 0.0, 0.0, width, height, "gray8", data)
-    sent = reduced(frame, [roi])
-    again = whole(sent)
+    sent = reduced_frame(frame, [roi])
+    again = whole_frame(sent)
     assert again.data.shape == (height, width)
     assert np.array_equal(working_luma(again, roi), working_luma(sent, roi))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from service.alarms import AlarmClass
-from service.config.evidence import EvidenceConfig
+from lumpwatch.service.config.evidence import EvidenceConfig
+from lumpwatch.service.core.alarm import AlarmClass
 from tests.evidence.scene import BEGAN_S, Scene, moving
 from tests.service_helpers import camera, frame, prior
 

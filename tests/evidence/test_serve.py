@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from service.bus.messages import Handler, Reply
-from service.errors import LumpwatchError
-from service.evidence import serve
-from service.evidence.files import write_files
-from service.evidence.meta import EvidenceError
-from service.evidence.serve import fetch, serve_evidence
-from service.evidence.store import EvidenceStore
+from lumpwatch.service.bus.endpoints import Handler, Reply
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.evidence import serve
+from lumpwatch.service.evidence.files import write_files
+from lumpwatch.service.evidence.folder import EvidenceError
+from lumpwatch.service.evidence.serve import fetch_evidence, serve_evidence
+from lumpwatch.service.evidence.store import EvidenceStore
 from tests.evidence.scene import Scene, moving
 from tests.service_helpers import camera, prior
 
@@ -62,7 +62,7 @@ def test_evidence_comes_in_pieces_and_is_checked(
 ) -> None:
     monkeypatch.setattr(serve, "PIECE", 5000)
     bus: Any = bus_of(store)
-    got = fetch(bus, KEY, name_of(store), tmp_path)
+    got = fetch_evidence(bus, KEY, name_of(store), tmp_path)
     got.check()
     assert got.folder == tmp_path / f"cam.apron.{name_of(store)}"
     original = store.entries()[0].folder
@@ -115,7 +115,7 @@ def test_bytes_that_changed_on_the_way_are_no_evidence(store: EvidenceStore, tmp
 
     bus: Any = bus_of(store, change=flip)
     with pytest.raises(EvidenceError, match="its checksum does not match"):
-        fetch(bus, KEY, name_of(store), tmp_path)
+        fetch_evidence(bus, KEY, name_of(store), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -127,8 +127,8 @@ def test_a_foreign_answer_writes_nothing_elsewhere(store: EvidenceStore, tmp_pat
 
     bus: Any = bus_of(store, change=named)
     with pytest.raises(EvidenceError, match="is not the name of a file"):
-        fetch(bus, KEY, name_of(store), tmp_path / "a" / "b")
+        fetch_evidence(bus, KEY, name_of(store), tmp_path / "a" / "b")
     bus = bus_of(store, change=lambda _: b"nonsense")
     with pytest.raises(EvidenceError, match="the answer is no evidence"):
-        fetch(bus, KEY, name_of(store), tmp_path / "a" / "b")
+        fetch_evidence(bus, KEY, name_of(store), tmp_path / "a" / "b")
     assert not (tmp_path / "escaped").exists()

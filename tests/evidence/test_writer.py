@@ -15,13 +15,14 @@ from typing import Any
 
 import pytest
 
-from service.config import CameraConfig
-from service.config.evidence import EvidenceConfig
-from service.evidence.files import write_files
-from service.evidence.meta import META, EvidenceError, EvidenceMeta, read_evidence
-from service.evidence.recorder import Clip
-from service.evidence.store import Entry, EvidenceStore
-from service.evidence.writer import EvidenceWriter, Origin
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config.evidence import EvidenceConfig
+from lumpwatch.service.evidence.files import write_files
+from lumpwatch.service.evidence.folder import EvidenceError, read_evidence
+from lumpwatch.service.evidence.recorder import Clip
+from lumpwatch.service.evidence.store import Entry, EvidenceStore
+from lumpwatch.service.evidence.writer import EvidenceWriter, Origin
+from lumpwatch.service.protocol.evidence import META, EvidenceMeta
 from tests.evidence.scene import Counting, Scene, moving
 from tests.integration.site import wait_for
 from tests.service_helpers import camera, prior

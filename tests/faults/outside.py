@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from service.bus.bus import Bus
-from service.bus.keys import Keys, parse
-from service.store.events import event_file, read_events
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.keys import Keys, parse
+from lumpwatch.service.storage.event_log import event_file, read_events
 from tests.integration.site import wait_for
 
 KEYS = Keys("test")

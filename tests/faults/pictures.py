@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.encode import VideoWriter
-from service.store.priors import PriorStore
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.storage.prior_store import PriorStore
 from tests.faults.outside import BLIND_AFTER_S, NOTICED_S, Outside
 from tests.faults.table import Row
 from tests.integration.site import Daemon
@@ -65,7 +65,7 @@ class Pictures:
 
     @property
     def store(self) -> Path:
-        return load(self.daemon.config).store.path
+        return load_config(self.daemon.config).store.path
 
     def metric(self, name: str, of: str, **labels: str) -> float:
         return self.daemon.metric(name, camera=of, **labels)
@@ -75,7 +75,7 @@ class Pictures:
 def watching(folder: Path, cameras: dict[str, str], waits_for: tuple[str, ...]) -> Iterator[Pictures]:
     """A daemon with these cameras (`camera`), once those that are waited for decide."""
     daemon = Daemon(folder, "".join(cameras.values()))
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     for name in cameras:
         PriorStore(config.store.path).save(prior(camera_id=name))
     with daemon, open_client(as_client(config.bus)) as bus:

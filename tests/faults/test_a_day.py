@@ -17,16 +17,16 @@ import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry, generate_latest
 
-from service.alarms import AlarmClass
-from service.announcer import Announcer
-from service.bus.bus import Bus
-from service.bus.keys import Keys
-from service.bus.session import open_client, open_hub
-from service.frames import Frame
-from service.pipeline import CameraPipeline
-from service.report import Clocks
-from service.store.event_writer import EventWriter
-from service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client, open_hub
+from lumpwatch.service.core.alarm import AlarmClass
+from lumpwatch.service.core.clock import Clocks
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.monitor.announcer import Announcer
+from lumpwatch.service.storage.event_log_writer import EventWriter
+from lumpwatch.service.telemetry.metrics import MonitorMetrics
 from tests.faults.outside import Outside
 from tests.faults.table import Record, Row
 from tests.service_helpers import HEIGHT, WIDTH, picture, prior, site, site_tree

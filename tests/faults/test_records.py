@@ -20,11 +20,11 @@ from pathlib import Path
 
 import pytest
 
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.store.events import Entry, EventLog, event_file, read_events
-from service.store.priors import PriorStore
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events
+from lumpwatch.service.storage.prior_store import PriorStore
 from tests.faults.outside import BLIND_AFTER_S, KEYS, NOTICED_S, PATIENCE_S, ROI, Outside
 from tests.faults.table import Record, Row
 from tests.integration.feed import Feed
@@ -198,7 +198,7 @@ def start(
     daemon = Daemon(folder, "".join(cameras), bus)
     daemon.roles = ("--only", "monitor")
     daemon.environment = environment or {}
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     for name in names:
         PriorStore(config.store.path).save(prior(camera_id=name))
     prepare(config.store.path)
@@ -445,7 +445,7 @@ def test_a_subscriber_that_never_reads(site: Site, record: Record) -> None:
     """Its buffers are full: neither the filter nor the other subscribers may wait for it."""
     with Child("listen", site.endpoint, "lumpwatch/**") as deaf:
         os.kill(deaf.process.pid, signal.SIGSTOP)
-        with open_client(as_client(load(site.daemon.config).bus)) as bus:
+        with open_client(as_client(load_config(site.daemon.config).bus)) as bus:
             bulk = bus.publisher("lumpwatch/v1/test/none/frame")
             for _ in range(100):  # more than sockets and queues hold
                 bulk.put(bytes(1 << 20))
@@ -468,7 +468,7 @@ def test_the_wall_clock_is_stepped(tmp_path: Path, record: Record) -> None:
     clock = WallClock(tmp_path, FAKETIME)
     with ExitStack() as stack:
         daemon, outside, feeds = start(stack, tmp_path, (CAM,), environment=clock.environment)
-        site = Lumps(daemon, outside, feeds, load(daemon.config).store.path)
+        site = Lumps(daemon, outside, feeds, load_config(daemon.config).store.path)
         outside.sees(CAM, 0.0)
         assert abs(wrong_by(site)) < 10
         for name, offset in (("forward", HOUR_S), ("back", -HOUR_S)):

@@ -13,12 +13,12 @@ from typing import Self
 
 import pytest
 
-from service.bus.bus import Bus
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.store.priors import PriorStore
-from service.store.reference import ReferenceStore
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.storage.prior_store import PriorStore
+from lumpwatch.service.storage.reference_store import ReferenceStore
 from tests import belt_scene
 from tests.belt_scene import FPS, HEIGHT, REFERENCE, WIDTH, Fault, belt
 from tests.faults.outside import BLIND_AFTER_S, KEYS, NOTICED_S, PATIENCE_S, Outside, Seen
@@ -97,7 +97,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     camera["rois"][0]["alarm"] |= {"blind": {"on_delay_s": 0.5, "off_delay_s": 0.3}}
     daemon = Daemon(folder, f"  - {json.dumps(camera)}\n")
     daemon.roles = ("--only", "monitor")
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     PriorStore(config.store.path).save(prior())
     ReferenceStore(config.store.path).save(REFERENCE)
     with ExitStack() as stack:

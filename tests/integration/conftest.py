@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
-from service.config import parse
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
+from lumpwatch.service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
 
-PRIOR = Path(__file__).parents[2] / "service" / "feed" / "demo.prior"
+PRIOR = Path(__file__).parents[2] / "service" / "simulator" / "demo.prior"
 
 
 @pytest.fixture(scope="session")
@@ -21,5 +21,5 @@ def feed_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def polygon() -> str:
-    roi = parse(demo_config(Path("var"), 0)).camera(CAMERA).roi(ROI)
+    roi = parse_config(demo_config(Path("var"), 0)).camera(CAMERA).roi(ROI)
     return str([list(point) for point in roi.polygon])

@@ -6,8 +6,8 @@ import threading
 import time
 from typing import Self
 
-from service.bus.bus import Bus
-from service.bus.keys import Keys
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.keys import Keys
 from tests.service_helpers import HEIGHT, WIDTH, frame, picture
 
 

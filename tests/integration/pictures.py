@@ -25,11 +25,11 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
 from deploy.grafana.make_dashboards import DASHBOARDS, dashboard
-from service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
-from service.config import parse
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
+from lumpwatch.service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
 from tests.integration.conftest import PRIOR
 from tests.integration.site import Daemon, wait_for
 from tests.integration.test_prometheus import CAMERAS
@@ -155,7 +155,9 @@ def main() -> None:
     if lacking := [name for name in ("prometheus", "chromium") if shutil.which(name) is None]:
         raise SystemExit(f"Debian packages {', '.join(lacking)} are not installed")
     place = [[float(v) for v in point] for point in FeedSimulator(FeedSpec()).polygon]
-    polygon = [list(point) for point in parse(demo_config(Path("var"), 0)).camera(CAMERA).roi(ROI).polygon]
+    polygon = [
+        list(point) for point in parse_config(demo_config(Path("var"), 0)).camera(CAMERA).roi(ROI).polygon
+    ]
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         clip = write_video(FeedSpec.from_query(FEED, seed=SEED), 30.0, folder / "feed").video

@@ -19,7 +19,7 @@ from typing import Any, Self
 
 from prometheus_client.parser import text_string_to_metric_families
 
-LUMPWATCH = (sys.executable, "-m", "service.cli")
+LUMPWATCH = (sys.executable, "-m", "lumpwatch.service.cli")
 
 
 def free_port() -> int:

@@ -14,14 +14,14 @@ from typing import Any
 
 import pytest
 
-from service.alarms import Alarm
-from service.bus.bus import Bus
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.store.events import Entry, EventLog, event_file
-from service.store.priors import PriorStore
+from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.core.alarm import Alarm
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
+from lumpwatch.service.storage.prior_store import PriorStore
 from tests.integration.feed import Feed
 from tests.integration.site import AlarmFollower, Daemon, wait_for
 from tests.service_helpers import prior, site_tree
@@ -105,7 +105,7 @@ def running(
     camera["rois"][0]["alarm"] |= alarm
     daemon = Daemon(folder, f"  - {json.dumps(camera)}\n{more}")
     daemon.roles = ("--only", "monitor")
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     PriorStore(config.store.path).save(prior())
     with (
         daemon,
@@ -233,7 +233,7 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         assert "in_service, raised, now UNACKNOWLEDGED" in site.command("service", "in", *TARGET)
 
         # The plant: by a put that is not repeated, so the suppression ends by itself.
-        with open_client(as_client(load(site.daemon.config).bus)) as plant:
+        with open_client(as_client(load_config(site.daemon.config).bus)) as plant:
             plant.publisher(KEYS.suppress("cam", "apron")).put(b'{"signal": "feeder", "valid_s": 1.5}')
             site.wait_alarm("SUPPRESSED")
             site.wait_alarm("UNACKNOWLEDGED")

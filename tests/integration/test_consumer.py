@@ -13,7 +13,7 @@ from typing import Self
 
 import pytest
 
-from service.config import load
+from lumpwatch.service.config import load_config
 from tests.integration.site import wait_for
 from tests.integration.test_alarm_life import running
 
@@ -117,7 +117,7 @@ class Consumer:
 
 def test_it_is_safe_from_the_start_and_whenever_it_hears_nothing(tmp_path: Path) -> None:
     with running(tmp_path, latch=False) as site:
-        port = int(load(site.daemon.config).bus.listen[0].rpartition(":")[2])
+        port = int(load_config(site.daemon.config).bus.listen[0].rpartition(":")[2])
         with Link(port) as link:
             link.cut()
             with Consumer(link.port, tmp_path / "consumer.log") as consumer:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from service.cli import main
-from service.config import load
-from service.feed.spec import FeedSpec
-from service.feed.write import WrittenFeed, write_video
-from service.store.priors import PriorStore
+from lumpwatch.service.cli import main
+from lumpwatch.service.config import load_config
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import WrittenFeed, write_video
+from lumpwatch.service.storage.prior_store import PriorStore
 from tests.reproduction.lumps import alarms_on, announcements, read_states
 
 pytestmark = pytest.mark.slow
@@ -50,7 +50,7 @@ def test_every_lump_is_announced_before_it_falls(site: Path, tmp_path: Path, see
 
 
 def test_a_feed_without_lumps_raises_no_alarm_in_two_minutes(site: Path) -> None:
-    camera = load(site).camera("crusher-1")
-    prior = PriorStore(load(site).store.path).current("crusher-1", "apron").prior
+    camera = load_config(site).camera("crusher-1")
+    prior = PriorStore(load_config(site).store.path).current("crusher-1", "apron").prior
     assert prior is not None
     assert alarms_on(camera, prior, FeedSpec(seed=50, lumps_per_minute=0.0), 120.0) == 0

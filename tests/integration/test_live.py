@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
 from tests.integration.conftest import PRIOR
 from tests.integration.site import AlarmFollower, Daemon, wait_for
 from tests.servers.process import RtspServer
@@ -164,7 +164,7 @@ def test_a_new_prior_is_taken_without_a_restart(daemon: Daemon) -> None:
 
 
 def test_malformed_frames_are_counted_and_harmless(daemon: Daemon) -> None:
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     with open_client(as_client(config.bus)) as bus:
         publisher = bus.publisher(Keys("test").frame("crusher-1"))
         for payload in (b"", b"\x00" * 10, os.urandom(100_000)):

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from deploy.grafana.make_dashboards import DASHBOARDS, FLEET, HERE, dashboard, text
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.integration.conftest import PRIOR
 from tests.integration.site import Daemon, wait_for
 from tests.reproduction.difficulty.peers import calibration

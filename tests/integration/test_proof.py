@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.store.priors import PriorStore, read_file
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.storage.prior_store import PriorStore, read_file
 from tests.integration.conftest import PRIOR
 from tests.integration.site import AlarmFollower, Daemon, wait_for
 
@@ -35,7 +35,7 @@ def test_by_command_and_on_a_schedule(tmp_path: Path, polygon: str) -> None:
         tmp_path,
         f'  - id: cam\n    source: {{url: "sim:feed?lumps_per_minute=0", seed: 3}}\n    rois:\n{rois}',
     )
-    config = load(daemon.config)
+    config = load_config(daemon.config)
     known = read_file(PRIOR)
     for roi in ("apron", "strict"):
         meta = known.meta.model_copy(update={"camera": "cam", "roi": roi})

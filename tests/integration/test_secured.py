@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from service.bus.keys import Keys
-from service.bus.session import open_client
-from service.cli.alarms import as_client
-from service.config import load
-from service.config.bus import TlsConfig
+from lumpwatch.service.bus.keys import Keys
+from lumpwatch.service.bus.session import open_client
+from lumpwatch.service.cli.alarms import as_client
+from lumpwatch.service.config import load_config
+from lumpwatch.service.config.bus import TlsConfig
 from tests.integration.site import LUMPWATCH, Daemon, wait_for
 from tests.test_bus_access import make
 
@@ -74,7 +74,7 @@ def test_a_secured_daemon_obeys_its_operators_alone(tmp_path: Path, monkeypatch:
         denied = run("guest", daemon, "ack", *target, "--actor", "guest")
         assert denied.returncode == 1
         assert "allowed" in denied.stderr
-        bus = load(daemon.config).bus
+        bus = load_config(daemon.config).bus
         tls = TlsConfig(
             ca=certificates / "ca.pem", certificate=certificates / "guest.pem", key=certificates / "guest.key"
         )

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.learning import HistogramFit
-from service.shadow.keeping import read_state
-from service.store import atomic
-from service.store.prior import Prior
-from service.store.priors import PriorStore
+from lumpwatch.models.learning import HistogramFit
+from lumpwatch.service.storage.atomic import replace_file
+from lumpwatch.service.storage.prior_file import Prior
+from lumpwatch.service.storage.prior_store import PriorStore
+from lumpwatch.service.storage.shadow_store import read_state
 from tests.integration.site import wait_for
 from tests.integration.test_alarm_life import KEYS, Site, running
 from tests.service_helpers import learned, prior
@@ -121,14 +121,14 @@ def test_a_shadow_is_counted_promoted_and_gone_back_from(tmp_path: Path) -> None
         # A promotion that died between its first two writes: the new one is in use, nothing in shadow.
         store.set_shadow(*OF, 2)
         runs(site, 1, 2)
-        atomic.replace(store.folder(*OF) / "current", b"2\n")
+        replace_file(store.folder(*OF) / "current", b"2\n")
         runs(site, 2, 0)
         assert site.state()["prior"] == 2
 
         # A damaged shadow is refused, counted, and nothing stands in.
         path = store.path(*OF, 3)
         path.write_bytes(path.read_bytes()[:-1])
-        atomic.replace(store.folder(*OF) / "shadow", b"3\n")
+        replace_file(store.folder(*OF) / "shadow", b"3\n")
         wait_for(
             "refused",
             lambda: site.daemon.metric("lumpwatch_shadow_failures_total", reason="unreadable") == 1,

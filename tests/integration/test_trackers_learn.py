@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from service.cli import main
-from service.config import load
-from service.store.priors import PriorStore
+from lumpwatch.service.cli import main
+from lumpwatch.service.config import load_config
+from lumpwatch.service.storage.prior_store import PriorStore
 from tests import street
 
 pytestmark = pytest.mark.slow
@@ -45,7 +45,7 @@ cameras:
         assert "motion_prior needs a prior" in capsys.readouterr().err
     where = ["--camera", "gate"]
     assert main(["train", str(site), str(clip), str(labels), *where, "--roi", "road"]) == 0
-    prior = PriorStore(load(site).store.path).current("gate", "road").prior
+    prior = PriorStore(load_config(site).store.path).current("gate", "road").prior
     assert prior is not None
     assert (prior.learned.cells is not None) == ("motion_prior" in detector)
     assert main(["replay", str(site), str(clip), *where, "--out", str(tmp_path)]) == 0

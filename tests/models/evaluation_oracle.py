@@ -1,4 +1,4 @@
-"""The metrics of `models.evaluation` once more: plain loops over frames, every assignment tried.
+"""The metrics of `lumpwatch.models.evaluation` once more: plain loops over frames, every assignment tried.
 
 For few boxes a frame and few tracks. Input: rows (frame, id, left, top, width, height).
 """

@@ -6,7 +6,7 @@ by 1/3 for s = 5.
 
 from __future__ import annotations
 
-from models.evaluation import Tracks, tracks_of
+from lumpwatch.models.evaluation import Tracks, tracks_of
 
 
 def scene(*rows: tuple[int, int, float] | tuple[int, int, float, float]) -> Tracks:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from models.existence import ExistenceChain
-from models.jdt import Form, JdtFilter, Order
-from models.motion import MotionModel, RandomWalk
-from models.state import Belief
-from models.switching import FixedSwitching
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import Form, JdtFilter, Order
+from lumpwatch.models.jdt.motion import MotionModel, RandomWalk
+from lumpwatch.models.jdt.switching import FixedSwitching
+from lumpwatch.models.state import Belief
 from tests.models.helpers import births_over, boxes, flat_profile
 
 FORMS: tuple[Form, ...] = ("marginal", "sampled")

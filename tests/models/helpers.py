@@ -9,11 +9,11 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.births import PolygonBirths, polygon_births
-from models.density import GridDensity
-from models.profile import RowProfile
-from models.roi import Image, Roi, make_roi
-from models.state import H, States, W, X, Y, blank
+from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.roi import Image, Roi, make_roi
+from lumpwatch.models.state import H, States, W, X, Y, blank
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from models.jpda import ColourOptions, JpdaOptions, JpdaTracker
-from models.tracked import TrackedObject
+from lumpwatch.models.trackers.jpda import ColourOptions, JpdaOptions, JpdaTracker
+from lumpwatch.models.trackers.tracked import TrackedObject
 
 Array = NDArray[np.float64]
 SHAPE = (240, 360)

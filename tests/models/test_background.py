@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.background import BackgroundOptions, StatisticalBackground
-from models.background.model import without_small
+from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalBackground
+from lumpwatch.models.trackers.background.model import without_small
 
 Picture = NDArray[np.uint8]
 FIXED = BackgroundOptions(

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.background.change import change_limits, count_differences, lmeds
+from lumpwatch.models.trackers.background.change import change_limits, count_differences, lmeds
 
 
 def histogram(values: NDArray[np.int64]) -> NDArray[np.int32]:

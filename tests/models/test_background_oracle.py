@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.background import BackgroundOptions, StatisticalBackground
+from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalBackground
 
 Vector = tuple[int, ...]
 SHAPE = (4, 5)

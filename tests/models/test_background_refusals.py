@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.background import BackgroundOptions, StatisticalBackground
+from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalBackground
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, norm, truncnorm
 
-from models.births import KernelBirths, polygon_births
-from models.profile import RowProfile
-from models.state import AX, AY, VX, VY, H, W, X, Y
+from lumpwatch.models.jdt.births import KernelBirths, polygon_births
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.state import AX, AY, VX, VY, H, W, X, Y
 from tests.models.helpers import flat_profile
 
 N = 100_000

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import gaussian_kde
 
-from models.density import (
+from lumpwatch.models.jdt.density import (
     COMPONENTS,
     GridDensity,
     bandwidth_of,
@@ -18,7 +18,7 @@ from models.density import (
     leave_one_out,
     scott,
 )
-from models.state import SIZE, VY, States, X, Y
+from lumpwatch.models.state import SIZE, VY, States, X, Y
 from tests.models.helpers import level_density
 
 Array = NDArray[np.float64]

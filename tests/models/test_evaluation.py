@@ -11,7 +11,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from models.evaluation import METRICS, Scores, evaluate, overlaps, tracks_of
+from lumpwatch.models.evaluation import METRICS, Scores, evaluate, overlaps, tracks_of
 from tests.models.evaluation_scenes import scene, track
 
 NOTHING = tracks_of([], [], [])

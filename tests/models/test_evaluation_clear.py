@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 
-from models.evaluation import clear_mot, evaluate, pair
+from lumpwatch.models.evaluation import clear_mot, evaluate, pair
 from tests.models.evaluation_scenes import scene, track
 
 

@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.evaluation import METRICS, ClearMot, Scores, Tracks, clear_mot, evaluate, pair, tracks_of
+from lumpwatch.models.evaluation import (
+    METRICS,
+    ClearMot,
+    Scores,
+    Tracks,
+    clear_mot,
+    evaluate,
+    pair,
+    tracks_of,
+)
 from tests.models import evaluation_oracle as oracle
 
 TINY = 1e-12  # what summing may round away
@@ -79,7 +88,7 @@ def test_sfda_ata_and_idf1_are_those_of_brute_force(
 
 
 def trackeval_data(result: list[oracle.Row], truth: list[oracle.Row]) -> dict[str, object]:
-    """What TrackEval's metric classes take, made without `models.evaluation`."""
+    """What TrackEval's metric classes take, made without `lumpwatch.models.evaluation`."""
     truth_ids = {name: k for k, name in enumerate(sorted({row[1] for row in truth}))}
     result_ids = {name: k for k, name in enumerate(sorted({row[1] for row in result}))}
     frames = sorted({row[0] for row in result + truth})

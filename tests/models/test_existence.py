@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from models.existence import ExistenceChain
+from lumpwatch.models.jdt.existence import ExistenceChain
 
 rates = st.floats(1e-4, 50.0)
 times = st.floats(1e-4, 20.0)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.likelihood.histogram import BINS, HistogramLikelihood, histogram
-from models.motion import (
+from lumpwatch.models.jdt.motion import (
     Bounce,
     ConstantAcceleration,
     ConstantPosition,
@@ -19,7 +18,8 @@ from models.motion import (
     RandomWalk,
     move_by_label,
 )
-from models.state import AX, AY, VX, VY, H, States, W, X, Y
+from lumpwatch.models.likelihood.histogram import BINS, HistogramLikelihood, histogram
+from lumpwatch.models.state import AX, AY, VX, VY, H, States, W, X, Y
 from tests.models.filters import DT, belief_of, make_filter
 from tests.models.helpers import Marker, box, flat, whole_picture
 

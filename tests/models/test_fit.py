@@ -7,15 +7,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from models.births import PolygonBirths, polygon_births
-from models.learning import LabelledView, fit_histogram, fit_lump
-from models.learning.examples import misfits, mistaken, tempting
-from models.learning.logistic import logistic
-from models.likelihood import HistogramLikelihood, LumpLikelihood
-from models.likelihood.base import LEAST_INSIDE, inside_share
-from models.likelihood.histogram import Channel
-from models.roi import Image, make_roi
-from models.state import H, States, W, X, Y
+from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
+from lumpwatch.models.learning import LabelledView, fit_histogram, fit_lump
+from lumpwatch.models.learning.examples import misfits, mistaken, tempting
+from lumpwatch.models.learning.logistic import logistic
+from lumpwatch.models.likelihood import HistogramLikelihood, LumpLikelihood
+from lumpwatch.models.likelihood.base import LEAST_INSIDE, inside_share
+from lumpwatch.models.likelihood.histogram import Channel
+from lumpwatch.models.roi import Image, make_roi
+from lumpwatch.models.state import H, States, W, X, Y
 from tests.models.helpers import area_under_roc, boxes, flat_profile, whole_picture
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.foreground import MixtureForeground, MixtureOptions, blobs, cleaned, regions
+from lumpwatch.models.trackers.foreground import MixtureForeground, MixtureOptions, blobs, cleaned, regions
 
 SHAPE = (60, 90)
 

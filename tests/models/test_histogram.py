@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.likelihood.histogram import BINS, HistogramLikelihood, bin_image, histogram
-from models.roi import Image, make_roi
-from models.state import States
+from lumpwatch.models.likelihood.histogram import BINS, HistogramLikelihood, bin_image, histogram
+from lumpwatch.models.roi import Image, make_roi
+from lumpwatch.models.state import States
 from tests.models.helpers import box, whole_picture
 
 Array = NDArray[np.float64]

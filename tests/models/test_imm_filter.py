@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.imm_pf.filter import ImmBelief, ImmFilter, ImmOptions, estimate, joint_weights
-from models.motion import ConstantPosition, ConstantVelocity
-from models.state import SIZE, VX, VY, H, W, X, Y, blank
+from lumpwatch.models.jdt.motion import ConstantPosition, ConstantVelocity
+from lumpwatch.models.state import SIZE, VX, VY, H, W, X, Y, blank
+from lumpwatch.models.trackers.imm_pf.filter import ImmBelief, ImmFilter, ImmOptions, estimate, joint_weights
 from tests.models.helpers import Marker
 
 Array = NDArray[np.float64]

@@ -7,10 +7,10 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from models.evaluation import evaluate
-from models.foreground import MixtureForeground
-from models.imm_pf import ImmPfTracker, TrackerOptions, learn_linear
-from models.motion import ConstantVelocity, FreeAcceleration
+from lumpwatch.models.evaluation import evaluate
+from lumpwatch.models.jdt.motion import ConstantVelocity, FreeAcceleration
+from lumpwatch.models.trackers.foreground import MixtureForeground
+from lumpwatch.models.trackers.imm_pf import ImmPfTracker, TrackerOptions, learn_linear
 from tests.reproduction.paper2.footage import FPS, folder, part_of, pictures, read_truth
 from tests.reproduction.paper2.runner import result_of
 

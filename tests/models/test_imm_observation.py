@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.imm_pf.observation import (
+from lumpwatch.models.state import H, W, X, Y, blank
+from lumpwatch.models.trackers.imm_pf.observation import (
     STEP,
     Look,
     ObservationOptions,
@@ -22,8 +23,7 @@ from models.imm_pf.observation import (
     paint,
     refer,
 )
-from models.imm_pf.size import CameraSize, LinearSize, ProfileSize, learn_linear, standing
-from models.state import H, W, X, Y, blank
+from lumpwatch.models.trackers.imm_pf.size import CameraSize, LinearSize, ProfileSize, learn_linear, standing
 from tests.models.helpers import box, flat_profile
 
 Array = NDArray[np.float64]

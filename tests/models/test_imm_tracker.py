@@ -9,9 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.imm_pf import ImmOptions, ImmPfTracker, LinearSize, ObservationOptions, TrackerOptions
-from models.motion import ConstantPosition, ConstantVelocity, FreeAcceleration
-from models.tracked import TrackedObject
+from lumpwatch.models.jdt.motion import ConstantPosition, ConstantVelocity, FreeAcceleration
+from lumpwatch.models.trackers.imm_pf import (
+    ImmOptions,
+    ImmPfTracker,
+    LinearSize,
+    ObservationOptions,
+    TrackerOptions,
+)
+from lumpwatch.models.trackers.tracked import TrackedObject
 
 Image = NDArray[np.uint8]
 SHAPE = (120, 240)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.births import PolygonBirths, polygon_births
-from models.existence import ExistenceChain
-from models.jdt import Form, JdtFilter, Order
-from models.motion import Bounce, ConstantAcceleration, ConstantVelocity, FreeAcceleration
-from models.profile import RowProfile
-from models.state import H, Labels, States, W, X, Y
-from models.switching import FixedSwitching
+from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import Form, JdtFilter, Order
+from lumpwatch.models.jdt.motion import Bounce, ConstantAcceleration, ConstantVelocity, FreeAcceleration
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.jdt.switching import FixedSwitching
+from lumpwatch.models.state import H, Labels, States, W, X, Y
 from tests.models.filters import DT, belief_of, both_forms, both_orders, make_filter
 from tests.models.helpers import Marker, Seen, flat
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.existence import ExistenceChain
-from models.jdt import Form, Order
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import Form, Order
 from tests.models.filters import DT, belief_of, both_forms, both_orders, make_filter
 from tests.models.helpers import flat
 

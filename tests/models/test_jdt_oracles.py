@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.density import GridDensity
-from models.existence import ExistenceChain
-from models.jdt import Form, JdtFilter, Order
-from models.motion import ConstantVelocity
-from models.state import VX, Belief, States, X, blank
-from models.switching import AdaptiveSwitching, FixedSwitching, Switching
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import Form, JdtFilter, Order
+from lumpwatch.models.jdt.motion import ConstantVelocity
+from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching
+from lumpwatch.models.state import VX, Belief, States, X, blank
 from tests.models.filters import both_forms, both_orders
 from tests.models.helpers import Drift, Marker, Seen, births_over, boxes, flat_profile
 from tests.models.oracles import LineFilter, assert_agrees, hmm_step, kalman_step

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from models.jpda import associate
+from lumpwatch.models.trackers.jpda import associate
 
 Array = NDArray[np.float64]
 

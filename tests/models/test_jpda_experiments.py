@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.jpda import associate
+from lumpwatch.models.trackers.jpda import associate
 from tests.reproduction.paper3_jpda import simulation, system, traffic
 
 

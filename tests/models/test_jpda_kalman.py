@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.jpda import associate
-from models.jpda.kalman import Gaussians, innovations, predict, transition, update
-from models.motion import (
+from lumpwatch.models.jdt.motion import (
     AffineModel,
     Bounce,
     ConstantAcceleration,
@@ -19,7 +17,9 @@ from models.motion import (
     FreeAcceleration,
     RandomWalk,
 )
-from models.state import blank
+from lumpwatch.models.state import blank
+from lumpwatch.models.trackers.jpda import associate
+from lumpwatch.models.trackers.jpda.kalman import Gaussians, innovations, predict, transition, update
 
 Array = NDArray[np.float64]
 MODELS: tuple[AffineModel, ...] = (

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.jpda import ColourOptions, JpdaOptions, OneWay
-from models.jpda.colour import distances, histograms, ratio
-from models.jpda.edges import centres
-from models.jpda.splitting import split
-from models.jpda.zones import Heading, follow, inside
+from lumpwatch.models.trackers.jpda import ColourOptions, JpdaOptions, OneWay
+from lumpwatch.models.trackers.jpda.colour import distances, histograms, ratio
+from lumpwatch.models.trackers.jpda.edges import centres
+from lumpwatch.models.trackers.jpda.splitting import split
+from lumpwatch.models.trackers.jpda.zones import Heading, follow, inside
 
 SQUARE = ((10.0, 10.0), (20.0, 10.0), (20.0, 20.0), (10.0, 20.0))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.jpda import Association, JpdaOptions, JpdaTracker
+from lumpwatch.models.trackers.jpda import Association, JpdaOptions, JpdaTracker
 from tests.models.jpda_scenes import DT, NONE, PLAIN, SHAPE, Array, box, run, tracker
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.jpda import ColourOptions, OneWay
-from models.motion import FreeAcceleration
+from lumpwatch.models.jdt.motion import FreeAcceleration
+from lumpwatch.models.trackers.jpda import ColourOptions, OneWay
 from tests.models.jpda_scenes import DT, PLAIN, SHAPE, Array, box, run, tracker
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.learning import Track
-from models.learning.clips import at_interval
+from lumpwatch.models.learning import Track
+from lumpwatch.models.learning.clips import at_interval
 
 
 def track(frames: list[int], labels: list[int] | None = None) -> Track:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.existence import ExistenceChain
-from models.jdt import Form
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import Form
 from tests.models.filters import DT, belief_of, both_forms, make_filter
 from tests.models.helpers import flat
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.likelihood.base import bounded, box_edges, inside_share
-from models.roi import make_roi
+from lumpwatch.models.likelihood.base import bounded, box_edges, inside_share
+from lumpwatch.models.roi import make_roi
 from tests.models.helpers import box, boxes
 
 INSIDE = make_roi([(0, 0), (1, 0), (1, 1), (0, 1)], 100, 80, 100).inside

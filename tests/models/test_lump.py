@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.likelihood.lump import (
+from lumpwatch.models.likelihood.lump import (
     FEATURES,
     MEASURES,
     WEIGHTS,
@@ -19,8 +19,8 @@ from models.likelihood.lump import (
     expand,
     standardised,
 )
-from models.likelihood.patterns import Patterns, no_patterns
-from models.roi import Image
+from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
+from lumpwatch.models.roi import Image
 from tests.models.helpers import (
     box,
     boxes,

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.motion import (
+from lumpwatch.models.jdt.motion import (
     Bounce,
     ConstantAcceleration,
     ConstantPosition,
@@ -22,7 +22,7 @@ from models.motion import (
     MotionModel,
     RandomWalk,
 )
-from models.state import AX, AY, VX, VY, H, States, W, X, Y
+from lumpwatch.models.state import AX, AY, VX, VY, H, States, W, X, Y
 
 Array = NDArray[np.float64]
 N = 400_000

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.learning import Samples, Track, fit_motion, samples
-from models.learning.motion import ModelSpec
-from models.state import AX, AY, VX, VY
+from lumpwatch.models.learning import Samples, Track, fit_motion, samples
+from lumpwatch.models.learning.motion import ModelSpec
+from lumpwatch.models.state import AX, AY, VX, VY
 from tests.models.helpers import boxes as still_boxes
 from tests.models.helpers import moving_track
 

@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from models.motion_prior import (
+from lumpwatch.models.jdt.motion_prior import (
     LEAST_SAMPLES,
     VELOCITY_BINS,
     MotionPrior,
     flow_vectors,
     learn_cells,
 )
-from models.state import VX, VY, X, Y, blank
+from lumpwatch.models.state import VX, VY, X, Y, blank
 
 SHAPE = (60, 90)  # two rows of three cells
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.appearance import HistogramAppearance
-from models.births import polygon_births
-from models.existence import ExistenceChain
-from models.jdt import JdtFilter
-from models.motion import ConstantVelocity
-from models.multi import MultiBelief, MultiJdtFilter
-from models.profile import RowProfile
-from models.roi import View, make_roi
-from models.state import H, States, W, X, Y
-from models.switching import FixedSwitching
+from lumpwatch.models.jdt.births import polygon_births
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import JdtFilter
+from lumpwatch.models.jdt.motion import ConstantVelocity
+from lumpwatch.models.jdt.multi_object import MultiBelief, MultiJdtFilter
+from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.jdt.switching import FixedSwitching
+from lumpwatch.models.roi import View, make_roi
+from lumpwatch.models.state import H, States, W, X, Y
+from lumpwatch.models.trackers.appearance import HistogramAppearance
 
 WIDTH, HEIGHT, SIDE, DT = 240, 160, 30.0, 0.1
 BRIGHT, LIGHT = 14, 12

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.learning import LumpFit
-from models.learning.logistic import logistic
-from models.learning.patterns import Boxes, learn_patterns, loss
-from models.likelihood.lump import expand, standardised
-from models.likelihood.patterns import no_patterns
+from lumpwatch.models.learning import LumpFit
+from lumpwatch.models.learning.logistic import logistic
+from lumpwatch.models.learning.patterns import Boxes, learn_patterns, loss
+from lumpwatch.models.likelihood.lump import expand, standardised
+from lumpwatch.models.likelihood.patterns import no_patterns
 
 
 @settings(max_examples=20)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.plane import BeltPlane, fit_plane, measure, side_of
-from service.feed.geometry import Geometry
-from service.feed.spec import FeedSpec
+from lumpwatch.models.plane import BeltPlane, fit_plane, measure, side_of
+from lumpwatch.service.simulator.geometry import Geometry
+from lumpwatch.service.simulator.spec import FeedSpec
 
 SIZE = (640, 480)
 GEOMETRY = Geometry.of(FeedSpec())

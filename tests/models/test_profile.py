@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.profile import (
+from lumpwatch.models.jdt.row_profile import (
     ASPECT,
     LARGEST,
     SIZE_LIMIT,
@@ -19,7 +19,7 @@ from models.profile import (
     default_profile,
     learn_profile,
 )
-from models.state import VX, VY, H, States, W, Y
+from lumpwatch.models.state import VX, VY, H, States, W, Y
 from tests.models.helpers import boxes
 
 LOG_10, LOG_40 = np.log(10.0), np.log(40.0)

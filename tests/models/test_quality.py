@@ -11,17 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.quality.look import SATURATED, Looker
-from models.quality.pattern import learn_pattern
-from models.quality.reference import THUMB_WIDTH, moving_mask, thumbnail
-from models.quality.region import DEFAULTS, Measure, Sample, learn_region, values
-from models.quality.registration import Registration
-from models.quality.slow import JumpWatch, SlowMedian
-from models.quality.still import Activity
-from models.quality.tail import lower_threshold, upper_threshold
-from models.roi import Image
-from service.feed.codec import ThinLink
-from service.feed.spec import FeedSpec
+from lumpwatch.models.picture.look import SATURATED, Looker
+from lumpwatch.models.picture.pattern import learn_pattern
+from lumpwatch.models.picture.reference import THUMB_WIDTH, moving_mask, thumbnail
+from lumpwatch.models.picture.region import DEFAULTS, Measure, Sample, learn_region, values
+from lumpwatch.models.picture.registration import Registration
+from lumpwatch.models.picture.slow import JumpWatch, SlowMedian
+from lumpwatch.models.picture.still import Activity
+from lumpwatch.models.picture.tail import lower_threshold, upper_threshold
+from lumpwatch.models.roi import Image
+from lumpwatch.service.simulator.codec import ThinLink
+from lumpwatch.service.simulator.spec import FeedSpec
 
 SHAPE = (240, 320)
 MASK = np.ones(SHAPE, np.uint8)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from models.resampling import effective_size, systematic
+from lumpwatch.models.jdt.resampling import effective_size, systematic
 
 weight_lists = st.lists(st.one_of(st.just(0.0), st.floats(1e-3, 1e3)), min_size=1, max_size=40).filter(
     lambda values: sum(values) > 0

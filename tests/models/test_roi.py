@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.roi import Roi, halved, make_roi
+from lumpwatch.models.roi import Roi, halved, make_roi
 from tests.models.helpers import whole_picture
 
 Array = NDArray[np.float64]

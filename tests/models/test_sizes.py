@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.learning.sizes import PRIOR_ASPECT, PRIOR_OBJECTS, PRIOR_SPREAD, with_sizes
-from models.profile import SIZE_LIMIT, RowProfile, learn_profile
-from models.state import H, States, W, Y
+from lumpwatch.models.jdt.row_profile import SIZE_LIMIT, RowProfile, learn_profile
+from lumpwatch.models.learning.sizes import PRIOR_ASPECT, PRIOR_OBJECTS, PRIOR_SPREAD, with_sizes
+from lumpwatch.models.state import H, States, W, Y
 from tests.models.helpers import boxes
 
 HEIGHT = 200.0

@@ -10,9 +10,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from models.density import GridDensity
-from models.state import X
-from models.switching import (
+from lumpwatch.models.jdt.density import GridDensity
+from lumpwatch.models.jdt.switching import (
     AdaptiveSwitching,
     FixedSwitching,
     check_matrix,
@@ -21,6 +20,7 @@ from models.switching import (
     joint_probabilities,
     over_interval,
 )
+from lumpwatch.models.state import X
 from tests.models.helpers import boxes, level_density
 
 Array = NDArray[np.float64]

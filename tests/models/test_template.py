@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from models.likelihood.lump import FEATURES, MEASURES, neutral
-from models.likelihood.sums import COARSE, REACH
-from models.likelihood.template import CELLS, CHANNELS, COLUMNS, NAMES, SPAN
-from models.roi import Image, Roi, make_roi
+from lumpwatch.models.likelihood.lump import FEATURES, MEASURES, neutral
+from lumpwatch.models.likelihood.sums import COARSE, REACH
+from lumpwatch.models.likelihood.template import CELLS, CHANNELS, COLUMNS, NAMES, SPAN
+from lumpwatch.models.roi import Image, Roi, make_roi
 from tests.models.helpers import (
     box,
     boxes,

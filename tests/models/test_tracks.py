@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from models.learning import Track, samples
-from models.learning.tracks import split_at_gaps
-from models.state import AX, AY, VX, VY, H, W, X, Y
+from lumpwatch.models.learning import Track, samples
+from lumpwatch.models.learning.tracks import split_at_gaps
+from lumpwatch.models.state import AX, AY, VX, VY, H, W, X, Y
 
 Array = NDArray[np.float64]
 DT = 0.04

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.births import polygon_births
-from models.learning import LabelledView
-from models.learning.validation import BOUND, MOST_OVERLAP, folds, judge, reliability
-from models.profile import default_profile
-from models.roi import View
-from models.state import H, States, W, X, Y, blank
+from lumpwatch.models.jdt.births import polygon_births
+from lumpwatch.models.jdt.row_profile import default_profile
+from lumpwatch.models.learning import LabelledView
+from lumpwatch.models.learning.validation import BOUND, MOST_OVERLAP, folds, judge, reliability
+from lumpwatch.models.roi import View
+from lumpwatch.models.state import H, States, W, X, Y, blank
 
 SHAPE = (60, 80)
 

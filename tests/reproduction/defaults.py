@@ -1,8 +1,8 @@
 """Fits what ships with the product: `python -m tests.reproduction.defaults lump`, then `… defaults demo`.
 
-service/default_lump.npz       the lump likelihood of a ROI without a prior, and where training starts: from
+service/detection/default_lump.npz   the lump likelihood of a ROI without a prior, and where training starts: from
                                288 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
-service/feed/demo.prior        the prior of the demo, trained on 90 s of the simulated feed
+service/simulator/demo.prior          the prior of the demo, trained on 90 s of the simulated feed
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-import service
-from models.births import PolygonBirths, polygon_births
-from models.learning import LabelledView, LumpFit, fit_lump
-from models.learning.fit import Scene
-from models.roi import Image, Roi, make_roi
-from models.state import H, W, X, Y, blank
-from service.cli.demo import CAMERA, ROI, demo_config
-from service.config import JdtConfig, parse
-from service.detectors.filters import make_profile
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
-from service.labels import read_labels
-from service.recordings import read_frames
-from service.store.fit_arrays import told
-from service.store.prior import Prior, encode
-from service.training import train
+import lumpwatch.service
+from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
+from lumpwatch.models.learning import LabelledView, LumpFit, fit_lump
+from lumpwatch.models.learning.fit import Scene
+from lumpwatch.models.roi import Image, Roi, make_roi
+from lumpwatch.models.state import H, W, X, Y, blank
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.cli.demo import CAMERA, ROI, demo_config
+from lumpwatch.service.config import JdtConfig, parse_config
+from lumpwatch.service.detection.detectors.filters import make_profile
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
+from lumpwatch.service.storage.fit_arrays import told
+from lumpwatch.service.storage.label_file import read_labels
+from lumpwatch.service.storage.prior_file import Prior, encode_prior
+from lumpwatch.service.training.learn import train
 
 PATTERNS = 128
 FIRST_SEED = 9200
@@ -128,7 +128,7 @@ def default_lump() -> LumpFit:
 
 def demo_prior() -> Prior:
     """Train the demo's ROI on a feed of another seed."""
-    config = parse(demo_config(Path("var"), 0)).camera(CAMERA)
+    config = parse_config(demo_config(Path("var"), 0)).camera(CAMERA)
     roi = config.roi(ROI)
     with tempfile.TemporaryDirectory() as folder:
         files = write_video(FeedSpec(seed=9100), 90.0, Path(folder))
@@ -138,15 +138,15 @@ def demo_prior() -> Prior:
 
 
 if __name__ == "__main__":
-    package = Path(service.__file__).parent
+    package = Path(lumpwatch.service.__file__).parent
     match sys.argv[1:]:
         case ["lump"]:
             # Half as many digits as in a prior: it is part of every installation.
             arrays = {name: array.astype(np.float32) for name, array in told(default_lump()).items()}
             for default in ("fit_looks", "fit_margin"):
                 del arrays[default]
-            np.savez(package / "default_lump.npz", allow_pickle=False, **arrays)
+            np.savez(package / "detection" / "default_lump.npz", allow_pickle=False, **arrays)
         case ["demo"]:
-            (package / "feed" / "demo.prior").write_bytes(encode(demo_prior()))
+            (package / "simulator" / "demo.prior").write_bytes(encode_prior(demo_prior()))
         case _:
             sys.exit("say lump or demo")

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.roi import Image
-from service.feed.codec import ThinLink
-from service.feed.spec import FeedSpec
+from lumpwatch.models.roi import Image
+from lumpwatch.service.simulator.codec import ThinLink
+from lumpwatch.service.simulator.spec import FeedSpec
 
 Fault = Callable[[Image, int], Image]
 """Picture and its number -> what the faulty camera gives."""

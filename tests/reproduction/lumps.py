@@ -11,21 +11,22 @@ from typing import Protocol
 
 import numpy as np
 
-from models.evaluation import overlaps
-from service.backtest.truth import OVERLAP
-from service.cli.demo import CAMERA, ROI, demo_config
-from service.config import CameraConfig, parse
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.feed.write import write_video
-from service.frames import Frame
-from service.labels import Box, read_labels
-from service.messages import Decision, StateLine
-from service.pipeline import CameraPipeline
-from service.recordings import read_frames
-from service.replay import replay
-from service.store.prior import Prior
-from service.training import train
+from lumpwatch.models.evaluation import overlaps
+from lumpwatch.service.capture.recordings import read_frames
+from lumpwatch.service.cli.demo import CAMERA, ROI, demo_config
+from lumpwatch.service.config import CameraConfig, parse_config
+from lumpwatch.service.core.decision import Decision
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.offline.backtest.truth import OVERLAP
+from lumpwatch.service.offline.replay import replay
+from lumpwatch.service.protocol.messages import StateLine
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.write import write_video
+from lumpwatch.service.storage.label_file import Box, read_labels
+from lumpwatch.service.storage.prior_file import Prior
+from lumpwatch.service.training.learn import train
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ def train_on_feed(
     folder: Path, seed: int = TRAINING_SEED, seconds: float = 60.0
 ) -> tuple[CameraConfig, Prior]:
     """The demo's camera with a prior learned from a feed of another seed."""
-    camera = parse(demo_config(folder / "var", 0)).camera(CAMERA)
+    camera = parse_config(demo_config(folder / "var", 0)).camera(CAMERA)
     roi = camera.roi(ROI)
     files = write_video(FeedSpec(seed=seed), seconds, folder)
     frames, _ = read_frames(camera, files.video)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.spec import FeedSpec
 
 TRAIN_SEEDS, TEST_SEEDS = range(1000, 1010), range(5000, 5020)
 TRAIN_EMPTY_SEEDS, TEST_EMPTY_SEEDS = range(2000, 2010), range(6000, 6040)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import cv2
 
-from service.cli.demo import ROI
-from service.feed.spec import FeedSpec
-from service.overlay import draw
-from service.pipeline import CameraPipeline
-from service.plots import ExistenceCurves, draw_prior
+from lumpwatch.service.cli.demo import ROI
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.offline.overlay import draw
+from lumpwatch.service.offline.plots import ExistenceCurves, draw_prior
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.reproduction.lumps import feed_frames, train_on_feed
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"

@@ -16,19 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
-from models.quality.look import Looker
-from models.quality.reference import thumbnail
-from models.quality.registration import Registration
-from models.quality.still import Activity
-from models.roi import Image, make_roi
-from service.config import CameraConfig
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.frames import Frame
-from service.messages import BlindReason, Decision
-from service.pipeline import CameraPipeline
-from service.reference import Recording, learn_reference
-from service.store.reference import Reference
+from lumpwatch.models.picture.look import Looker
+from lumpwatch.models.picture.reference import thumbnail
+from lumpwatch.models.picture.registration import Registration
+from lumpwatch.models.picture.still import Activity
+from lumpwatch.models.roi import Image, make_roi
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core.decision import BlindReason, Decision
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.storage.reference_store import Reference
+from lumpwatch.service.training.picture_reference import Recording, learn_reference
 from tests.reproduction import faults
 from tests.reproduction.faults import Fault
 from tests.reproduction.matrix import STANDARD

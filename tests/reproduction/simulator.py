@@ -9,8 +9,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 from numpy.typing import NDArray
 
-from service.feed.simulator import FeedSimulator, Truth
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.feed import FeedSimulator, Truth
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.reproduction.matrix import (
     LONG_SEEDS,
     STANDARD,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.encode import Codec, VideoWriter
+from lumpwatch.service.core.video_writer import Codec, VideoWriter
 
 
 def write_clip(

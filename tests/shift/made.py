@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from service.alarms import Alarm, AlarmClass
-from service.store.events import Entry, Event
+from lumpwatch.service.core.alarm import Alarm, AlarmClass
+from lumpwatch.service.storage.event import Event
+from lumpwatch.service.storage.event_log import Entry
 
 BEGIN_S = 1_700_000_000.0
 """2023-11-14 22:13:20 UTC."""

@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.alarms import AlarmClass
-from service.backtest.intervals import binomial_interval
-from service.cli import main
-from service.config.evidence import ShiftsConfig
-from service.errors import ConfigError
-from service.shift.figures import Figures, figures, in_ten_minutes, watched
-from service.shift.page import page
-from service.shift.record import roi_record
-from service.shift.window import Window, window
-from service.store.events import Entry, EventLog, event_file
-from service.store.notes import Says, Span, Verdict
+from lumpwatch.service.cli import main
+from lumpwatch.service.config.evidence import ShiftsConfig
+from lumpwatch.service.core.alarm import AlarmClass
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.offline.backtest.intervals import binomial_interval
+from lumpwatch.service.offline.shift.figures import Figures, in_ten_minutes, shift_figures, watched
+from lumpwatch.service.offline.shift.page import shift_page
+from lumpwatch.service.offline.shift.record import roi_record
+from lumpwatch.service.offline.shift.window import Window, report_window
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
+from lumpwatch.service.storage.event_notes import Says, Span, Verdict
 from tests.service_helpers import site_tree
 from tests.shift.made import BEGIN_S, event
 
@@ -76,7 +76,7 @@ def found() -> Figures:
     said = {(one.roi, one.id): one for one in VERDICTS}
     record = roi_record(("cam", "apron"), EVENTS, HOUR, said)
     record.spans = SPANS
-    return figures("pit", HOUR, [record], BEGIN_S + 9999)
+    return shift_figures("pit", HOUR, [record], BEGIN_S + 9999)
 
 
 def check(told: Figures) -> None:
@@ -152,19 +152,19 @@ def test_the_same_from_the_event_log_by_command(tmp_path: Path, capsys: pytest.C
 def test_the_same_shift_gives_the_same_page() -> None:
     record = roi_record(("cam", "apron"), EVENTS, HOUR, {})
     record.spans = SPANS
-    told = figures("pit", HOUR, [record], BEGIN_S)
-    pages = {page(told, [record], HOUR, ZoneInfo("UTC"), {}) for _ in range(2)}
+    told = shift_figures("pit", HOUR, [record], BEGIN_S)
+    pages = {shift_page(told, [record], HOUR, ZoneInfo("UTC"), {}) for _ in range(2)}
     assert len(pages) == 1
 
 
 def test_a_shift_of_nothing_is_not_a_good_one() -> None:
     record = roi_record(("cam", "apron"), [], HOUR, {})
-    told = figures("pit", HOUR, [record], BEGIN_S)
+    told = shift_figures("pit", HOUR, [record], BEGIN_S)
     assert told["rois"][0]["availability"] == 0.0
     assert told["rois"][0]["unknown_minutes"] == 60.0
     assert told["total"]["precision"] is None
     assert told["total"]["precision_interval"] == list(binomial_interval(0, 0)) == [0.0, 1.0]
-    assert "None." in page(told, [record], HOUR, ZoneInfo("UTC"), {})
+    assert "None." in shift_page(told, [record], HOUR, ZoneInfo("UTC"), {})
 
 
 def test_times_after_a_reboot_are_by_the_wall_clock() -> None:
@@ -175,7 +175,7 @@ def test_times_after_a_reboot_are_by_the_wall_clock() -> None:
 
 def test_a_flood_is_called_one() -> None:
     events = [event(30.0 * k, "raised", k) for k in range(1, 120)]
-    told = figures("pit", HOUR, [roi_record(("cam", "apron"), events, HOUR, {})], BEGIN_S)
+    told = shift_figures("pit", HOUR, [roi_record(("cam", "apron"), events, HOUR, {})], BEGIN_S)
     # 119 alarms in six times ten minutes, 19 in the first (one is at 0) and 20 in the others.
     assert told["rates"] == {
         "ten_minutes_mean": 19.8333,
@@ -266,13 +266,13 @@ def at(text: str) -> float:
     ],
 )
 def test_which_time_is_meant(text: str, now: str, name: str, begin: str, end: str) -> None:
-    assert window(text, PERTH, at(now)) == Window(name, at(begin), at(end))
+    assert report_window(text, PERTH, at(now)) == Window(name, at(begin), at(end))
 
 
 def test_a_night_in_which_the_clock_is_put_back_lasts_an_hour_longer() -> None:
     berlin = ShiftsConfig(time_zone="Europe/Berlin")
-    autumn = window("night@2026-10-24", berlin, at("2026-12-01T00:00"))
-    spring = window("night@2026-03-28", berlin, at("2026-12-01T00:00"))
+    autumn = report_window("night@2026-10-24", berlin, at("2026-12-01T00:00"))
+    spring = report_window("night@2026-03-28", berlin, at("2026-12-01T00:00"))
     assert (autumn.lasts_s / 3600, spring.lasts_s / 3600) == (13, 11)
 
 
@@ -288,7 +288,7 @@ def test_a_night_in_which_the_clock_is_put_back_lasts_an_hour_longer() -> None:
 )
 def test_what_is_no_time_is_told_so(text: str, told: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        window(text, PERTH, at("2026-11-22T02:30"))
+        report_window(text, PERTH, at("2026-11-22T02:30"))
     assert told in str(caught.value)
 
 

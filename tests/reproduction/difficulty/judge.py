@@ -1,6 +1,6 @@
 """What was said, judged: curves over thresholds, the best threshold, and one cell of the matrix.
 
-Announced and false are what `service.backtest` takes for it: a lump is found when an alarm stands, with a
+Announced and false are what the backtest takes for it: a lump is found when an alarm stands, with a
 box on the lump, 1 s before its fall or earlier; an alarm is false when no lump was there at its raise, nor
 came or went within the tolerance.
 """
@@ -14,8 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from service.backtest.curve import Judged, Point, Terms, in_time, point_at, quiet_time, scores_at
-from service.backtest.truth import truth_of
+from lumpwatch.service.offline.backtest.curve import (
+    Judged,
+    Point,
+    Terms,
+    in_time,
+    point_at,
+    quiet_time,
+    scores_at,
+)
+from lumpwatch.service.offline.backtest.truth import truth_of
 from tests.reproduction.difficulty.peers import PEERS, polygon
 from tests.reproduction.difficulty.work import Task, load, missing, truth_boxes
 

@@ -17,17 +17,17 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from service.backtest.curve import THRESHOLDS
-from service.backtest.episodes import alarm_at
-from service.config import CameraConfig, parse
-from service.config.alarm import AlarmConfig
-from service.config.cameras import RoiConfig
-from service.feed.geometry import Geometry
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
-from service.frames import Frame
-from service.pipeline import CameraPipeline
-from service.store.prior import Prior
+from lumpwatch.service.config import CameraConfig, parse_config
+from lumpwatch.service.config.alarm import AlarmConfig
+from lumpwatch.service.config.cameras import RoiConfig
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.offline.backtest.curve import THRESHOLDS
+from lumpwatch.service.offline.backtest.episodes import alarm_at
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.geometry import Geometry
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.storage.prior_file import Prior
 from tests.reproduction.difficulty.simple import BlobWatcher, MapWatcher, Said
 
 ROI = "apron"
@@ -71,7 +71,7 @@ class Peer:
         roi: dict[str, Any] = {"id": ROI, "polygon": polygon(style), "detector": self.detector}
         roi["calibration"] = calibration(FeedSpec(style=style))
         site = {"site": "matrix", "cameras": [{"id": "feed", "source": {"url": "sim:feed"}, "rois": [roi]}]}
-        return parse(json.dumps(site)).cameras[0]  # JSON is YAML
+        return parse_config(json.dumps(site)).cameras[0]  # JSON is YAML
 
     def watcher(self, style: str, prior: Prior) -> Watcher:
         """The method, trained, before its first frame."""

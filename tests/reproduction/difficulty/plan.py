@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice, zip_longest
 
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.reproduction import matrix
 from tests.reproduction.difficulty.peers import OURS, PEERS
 from tests.reproduction.difficulty.work import SECONDS, Task

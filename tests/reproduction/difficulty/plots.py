@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from service.plots import figure, save
+from lumpwatch.service.offline.plots import new_figure, save_figure
 from tests.reproduction.difficulty.judge import WANTED_PER_HOUR, title
 from tests.reproduction.difficulty.results import Results, StyleResult
 
@@ -29,7 +29,7 @@ def _colour(found: Results, key: str) -> str:
 
 
 def _curves(found: Results, path: Path) -> None:
-    fig = figure(12, 4.8)
+    fig = new_figure(12, 4.8)
     panels = np.atleast_1d(fig.subplots(1, len(found.styles), sharey=True))
     for panel, (style, result) in zip(panels, found.styles.items(), strict=True):
         for key, points in result.curves.items():
@@ -53,11 +53,11 @@ def _curves(found: Results, path: Path) -> None:
     panels[0].set_ylabel("lumps announced 1 s before the fall, or earlier")
     handles, names = panels[0].get_legend_handles_labels()
     fig.legend(handles, names, loc="outside lower center", ncols=4, fontsize="small")
-    save(fig, path)
+    save_figure(fig, path)
 
 
 def _warnings(found: Results, path: Path) -> None:
-    fig = figure(12, 4.2)
+    fig = new_figure(12, 4.2)
     panels = np.atleast_1d(fig.subplots(1, len(found.styles), sharey=True))
     for panel, (style, result) in zip(panels, found.styles.items(), strict=True):
         _sorted_warnings(panel, found, result)
@@ -70,7 +70,7 @@ def _warnings(found: Results, path: Path) -> None:
     panels[0].set_ylabel("share of the lumps announced by then")
     handles, names = panels[0].get_legend_handles_labels()
     fig.legend(handles, names, loc="outside lower center", ncols=4, fontsize="small")
-    save(fig, path)
+    save_figure(fig, path)
 
 
 def _sorted_warnings(panel: Any, found: Results, result: StyleResult) -> None:
@@ -94,7 +94,7 @@ def _heat(found: Results, path: Path) -> None:
     shares = np.array(
         [[np.mean(found.matrix[name][key].found or (np.nan,)) for key in keys] for name in names]
     )
-    fig = figure(9.5, 1.8 + 0.21 * len(names))
+    fig = new_figure(9.5, 1.8 + 0.21 * len(names))
     axes = fig.subplots()
     image = axes.imshow(shares, aspect="auto", cmap="RdYlGn", vmin=0.0, vmax=1.0)
     for i, name in enumerate(names):
@@ -108,11 +108,11 @@ def _heat(found: Results, path: Path) -> None:
     axes.set_xticks(range(len(keys)), [title(key).replace(", ", ",\n") for key in keys], fontsize=8)
     axes.xaxis.tick_top()
     fig.colorbar(image, ax=axes, label="share announced in time", shrink=0.6 if len(names) < 20 else 0.3)
-    save(fig, path)
+    save_figure(fig, path)
 
 
 def _sizes(found: Results, path: Path) -> None:
-    fig = figure(11, 4.2)
+    fig = new_figure(11, 4.2)
     panels = np.atleast_1d(fig.subplots(1, len(found.styles), sharey=True))
     for panel, (style, result) in zip(panels, found.styles.items(), strict=True):
         panel.set(xlabel="true longest diameter (mm)", title=f"at the alarm, style {style}")
@@ -127,4 +127,4 @@ def _sizes(found: Results, path: Path) -> None:
         panel.plot(span, span, color="0.3", lw=1, ls="--")
         panel.grid(alpha=0.3)
     panels[0].set_ylabel("stated, with its 90 % interval (mm)")
-    save(fig, path)
+    save_figure(fig, path)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.backtest.curve import Point
+from lumpwatch.service.offline.backtest.curve import Point
 from tests.reproduction import matrix
 from tests.reproduction.difficulty.judge import (
     NOTHING,

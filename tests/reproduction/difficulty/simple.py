@@ -8,18 +8,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.evaluation import overlaps
-from models.foreground import cleaned, regions
-from models.profile import SIZE_LIMIT, RowProfile
-from models.roi import Roi
-from models.state import H, States, W, X, Y, blank
-from service.config.cameras import RoiConfig
-from service.config.jdt import JdtConfig
-from service.detectors.filters import make_likelihood, make_profile
-from service.frames import Frame
-from service.planes import working_luma
-from service.regions import make_region
-from service.store.prior import Prior
+from lumpwatch.models.evaluation import overlaps
+from lumpwatch.models.jdt.row_profile import SIZE_LIMIT, RowProfile
+from lumpwatch.models.roi import Roi
+from lumpwatch.models.state import H, States, W, X, Y, blank
+from lumpwatch.models.trackers.foreground import cleaned, regions
+from lumpwatch.service.config.cameras import RoiConfig
+from lumpwatch.service.config.jdt import JdtConfig
+from lumpwatch.service.core.crop import working_luma
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.detectors.filters import make_likelihood, make_profile
+from lumpwatch.service.detection.region import make_region
+from lumpwatch.service.storage.prior_file import Prior
 
 Boxes = NDArray[np.float64]
 _NO_SIZES = np.empty((0, 3))

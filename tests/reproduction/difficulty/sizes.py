@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from models.evaluation import overlaps
-from service.backtest.episodes import spans
-from service.backtest.truth import OVERLAP
+from lumpwatch.models.evaluation import overlaps
+from lumpwatch.service.offline.backtest.episodes import spans
+from lumpwatch.service.offline.backtest.truth import OVERLAP
 from tests.reproduction.difficulty.judge import judged
 from tests.reproduction.difficulty.peers import OURS, PEERS
 from tests.reproduction.difficulty.work import Task, load, truth_boxes

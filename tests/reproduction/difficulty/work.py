@@ -19,13 +19,13 @@ import cv2
 import numba
 import numpy as np
 
-from service.backtest.record import Recording
-from service.feed.simulator import FeedSimulator, Truth
-from service.feed.spec import FeedSpec
-from service.frames import Frame
-from service.labels import Box
-from service.store.prior import Prior, decode, encode
-from service.training import train
+from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.offline.backtest.record import Recording
+from lumpwatch.service.simulator.feed import FeedSimulator, Truth
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.storage.label_file import Box
+from lumpwatch.service.storage.prior_file import Prior, decode_prior, encode_prior
+from lumpwatch.service.training.learn import train
 from tests.reproduction import matrix
 from tests.reproduction.difficulty.peers import OURS, PEERS, Peer
 from tests.reproduction.difficulty.simple import Said
@@ -110,7 +110,7 @@ def _prior(peer: Peer, style: str, frames: list[Frame], boxes: list[Box]) -> byt
         # Its motion models have other names: training infers which led to each label.
         boxes = [replace(box, model=None) for box in boxes]
     trained = train(roi, iter(frames), tuple(boxes), Path("feed.txt"), "feed")
-    return encode(trained.as_prior(camera.id, roi, "feed", datetime(2026, 1, 1, tzinfo=UTC)))
+    return encode_prior(trained.as_prior(camera.id, roi, "feed", datetime(2026, 1, 1, tzinfo=UTC)))
 
 
 def prior_path(folder: Path, style: str, key: str) -> Path:
@@ -120,7 +120,7 @@ def prior_path(folder: Path, style: str, key: str) -> Path:
 
 def prior_of(folder: Path, style: str, key: str) -> Prior:
     """The prior that a method takes, with a version as a store would give it."""
-    return decode(prior_path(folder, style, key).read_bytes(), key).with_version(1)
+    return decode_prior(prior_path(folder, style, key).read_bytes(), key).with_version(1)
 
 
 def feed(spec: FeedSpec, seconds: float) -> Iterator[tuple[Frame, tuple[Truth, ...]]]:

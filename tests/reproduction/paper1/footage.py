@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from service.feed.simulator import FeedSimulator
-from service.feed.spec import FeedSpec
+from lumpwatch.service.simulator.feed import FeedSimulator
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.footage import footage_folder
 from tests.reproduction.paper1.scenes import EMPTY, Scene, noisy, with_empty
 

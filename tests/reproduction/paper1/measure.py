@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.jdt import JdtFilter
-from models.likelihood import Likelihood
-from models.roi import Roi, View
-from models.state import X, Y
+from lumpwatch.models.jdt.filter import JdtFilter
+from lumpwatch.models.likelihood import Likelihood
+from lumpwatch.models.roi import Roi, View
+from lumpwatch.models.state import X, Y
 from tests.reproduction.paper1.methods import working_boxes
 from tests.reproduction.paper1.scenes import Scene
 

@@ -10,11 +10,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models import density
-from models.births import polygon_births
-from models.existence import ExistenceChain
-from models.jdt import Form, JdtFilter, Order
-from models.learning import (
+from lumpwatch.models.jdt import density
+from lumpwatch.models.jdt.births import polygon_births
+from lumpwatch.models.jdt.existence import ExistenceChain
+from lumpwatch.models.jdt.filter import Form, JdtFilter, Order
+from lumpwatch.models.jdt.motion import (
+    Bounce,
+    ConstantAcceleration,
+    ConstantPosition,
+    ConstantVelocity,
+    MotionModel,
+    RandomWalk,
+)
+from lumpwatch.models.jdt.row_profile import RowProfile, learn_profile
+from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
+from lumpwatch.models.learning import (
     HistogramFit,
     LabelledView,
     LumpFit,
@@ -25,22 +35,12 @@ from models.learning import (
     fit_motion,
     samples,
 )
-from models.learning.motion import Law, ModelSpec
-from models.learning.switches import fit_switching
-from models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
-from models.likelihood.histogram import Channel
-from models.motion import (
-    Bounce,
-    ConstantAcceleration,
-    ConstantPosition,
-    ConstantVelocity,
-    MotionModel,
-    RandomWalk,
-)
-from models.profile import RowProfile, learn_profile
-from models.roi import Roi, make_roi
-from models.state import H, W, X, Y, blank
-from models.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
+from lumpwatch.models.learning.motion import Law, ModelSpec
+from lumpwatch.models.learning.switches import fit_switching
+from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
+from lumpwatch.models.likelihood.histogram import Channel
+from lumpwatch.models.roi import Roi, make_roi
+from lumpwatch.models.state import H, W, X, Y, blank
 from tests.reproduction.paper1.scenes import Scene
 
 Kind = Literal[
@@ -95,7 +95,7 @@ class Experiment:
     names: tuple[str, ...]
     """Short names of the motion models, for plots."""
     component: str
-    """What the densities are over, a key of `models.density.COMPONENTS`."""
+    """What the densities are over, a key of `lumpwatch.models.jdt.density.COMPONENTS`."""
     singles: tuple[Kind, ...]
     levels: tuple[float, ...]
     """Noise levels to choose from: px/frame that the velocity gathers in a frame, or px that the

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from models.state import VY, X, Y, blank
+from lumpwatch.models.state import VY, X, Y, blank
 from tests.footage import sketch
 from tests.reproduction.paper1.methods import Method, Motions, make_filter
 from tests.reproduction.paper1.runner import Result

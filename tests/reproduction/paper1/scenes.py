@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.roi import Image
+from lumpwatch.models.roi import Image
 
 EMPTY = (30, 30)
 """Frames without the object, before and after it."""

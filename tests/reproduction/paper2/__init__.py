@@ -9,8 +9,8 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
-from models.foreground import MixtureForeground
-from models.imm_pf import TrackerOptions
+from lumpwatch.models.trackers.foreground import MixtureForeground
+from lumpwatch.models.trackers.imm_pf import TrackerOptions
 from tests.reproduction.paper2 import baseline, footage, page, plots
 from tests.reproduction.paper2.methods import METHODS, OPTIONS
 from tests.reproduction.paper2.runner import Outcome, Task, initialise, measure, run, save, whole_cost

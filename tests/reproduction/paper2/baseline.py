@@ -11,9 +11,9 @@ from importlib.util import find_spec
 import numpy as np
 from numpy.typing import NDArray
 
-from models.evaluation import Tracks, tracks_of
-from models.foreground import regions
-from models.imm_pf.observation import STEP
+from lumpwatch.models.evaluation import Tracks, tracks_of
+from lumpwatch.models.trackers.foreground import regions
+from lumpwatch.models.trackers.imm_pf.observation import STEP
 from tests.reproduction.paper2.footage import FPS
 
 LEAST_AREA = 75

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.evaluation import Tracks, tracks_of
-from models.foreground import Foreground
-from models.imm_pf import LinearSize, Look, learn_linear, look
-from models.motion_prior import CellVelocities, flow_vectors, learn_cells
+from lumpwatch.models.evaluation import Tracks, tracks_of
+from lumpwatch.models.jdt.motion_prior import CellVelocities, flow_vectors, learn_cells
+from lumpwatch.models.trackers.foreground import Foreground
+from lumpwatch.models.trackers.imm_pf import LinearSize, Look, learn_linear, look
 from tests.footage import footage_folder
 
 FPS = 7.0

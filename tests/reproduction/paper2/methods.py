@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.imm_pf import TrackerOptions
-from models.motion import ConstantPosition, ConstantVelocity, FreeAcceleration, MotionModel
-from models.motion_prior import MotionPrior
+from lumpwatch.models.jdt.motion import ConstantPosition, ConstantVelocity, FreeAcceleration, MotionModel
+from lumpwatch.models.jdt.motion_prior import MotionPrior
+from lumpwatch.models.trackers.imm_pf import TrackerOptions
 from tests.reproduction.paper2.footage import Knowledge
 
 POSITION_NOISE, VELOCITY_NOISE, ACCELERATION_NOISE = 6.0, 30.0, 50.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.evaluation import Scores
-from models.imm_pf import TrackerOptions
+from lumpwatch.models.evaluation import Scores
+from lumpwatch.models.trackers.imm_pf import TrackerOptions
 from tests.reproduction.paper2.footage import FPS, FRAMES, LEARNED, Knowledge
 from tests.reproduction.paper2.methods import METHODS
 from tests.reproduction.paper2.plots import COLUMNS, HEADS, quartiles

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from models.foreground import MixtureForeground, blobs
-from models.imm_pf import ImmPfTracker, learn_linear
-from models.motion import ConstantPosition, ConstantVelocity, FreeAcceleration
-from models.tracked import TrackedObject
+from lumpwatch.models.jdt.motion import ConstantPosition, ConstantVelocity, FreeAcceleration
+from lumpwatch.models.trackers.foreground import MixtureForeground, blobs
+from lumpwatch.models.trackers.imm_pf import ImmPfTracker, learn_linear
+from lumpwatch.models.trackers.tracked import TrackedObject
 from tests.footage import footage_folder, sketch
 from tests.reproduction.paper2.footage import LEARNED, Learned, pictures
 from tests.reproduction.paper2.methods import METHODS, OPTIONS

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.evaluation import Scores, Tracks, evaluate, tracks_of
-from models.foreground import MixtureForeground
-from models.imm_pf import ImmPfTracker, Look, TrackerOptions
-from models.tracked import TrackedObject
+from lumpwatch.models.evaluation import Scores, Tracks, evaluate, tracks_of
+from lumpwatch.models.trackers.foreground import MixtureForeground
+from lumpwatch.models.trackers.imm_pf import ImmPfTracker, Look, TrackerOptions
+from lumpwatch.models.trackers.tracked import TrackedObject
 from tests.reproduction.paper2.footage import FPS, FRAMES, LEARNED, Knowledge, Learned, part_of, pictures
 from tests.reproduction.paper2.methods import make_models
 

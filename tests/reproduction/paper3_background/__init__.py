@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.background import StatisticalBackground
+from lumpwatch.models.trackers.background import StatisticalBackground
 from tests.reproduction.paper3_background import page, plots
 from tests.reproduction.paper3_background.measure import Score, cleaned, score
 from tests.reproduction.paper3_background.methods import OURS, run_all

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.background.model import without_small
+from lumpwatch.models.trackers.background.model import without_small
 from tests.reproduction.paper3_background.scenes import BACKGROUND, FOREGROUND, FPS, TRAINING, Scene
 
 LEAST_AREA = 15

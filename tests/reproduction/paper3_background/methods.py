@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.background import BackgroundOptions, StatisticalBackground
+from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalBackground
 from tests.reproduction.paper3_background import contrib
 
 OURS, PAPER = "ours", "ours, as the papers have it"

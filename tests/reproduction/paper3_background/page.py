@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.background import BackgroundOptions, StatisticalBackground
+from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalBackground
 from tests.reproduction.paper3_background.measure import LEAST_AREA, Score
 from tests.reproduction.paper3_background.methods import OURS, PAPER, contrib_python
 from tests.reproduction.paper3_background.scenes import (

@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
-from models.background import StatisticalBackground
+from lumpwatch.models.trackers.background import StatisticalBackground
 from tests.footage import footage_folder, sketch
 
 mpl.use("Agg")

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.background.model import StatisticalBackground
-from models.background.options import BackgroundOptions
-from models.foreground import Foreground, MixtureForeground
-from models.jpda import Association, ColourOptions, JpdaOptions, associate
-from models.jpda.tracker import Associator
+from lumpwatch.models.trackers.background.model import StatisticalBackground
+from lumpwatch.models.trackers.background.options import BackgroundOptions
+from lumpwatch.models.trackers.foreground import Foreground, MixtureForeground
+from lumpwatch.models.trackers.jpda import Association, ColourOptions, JpdaOptions, associate
+from lumpwatch.models.trackers.jpda.tracker import Associator
 from tests.reproduction.paper3_jpda import page, peers, plots
 from tests.reproduction.paper3_jpda.simulation import PAPER, SETTINGS, Score, Setting, global_nearest, trial
 from tests.reproduction.paper3_jpda.system import OPTIONS, Outcome, play

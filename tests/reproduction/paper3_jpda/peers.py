@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.jpda import Association, associate
-from models.jpda.kalman import Gaussians, innovations, predict, update
+from lumpwatch.models.trackers.jpda import Association, associate
+from lumpwatch.models.trackers.jpda.kalman import Gaussians, innovations, predict, update
 from tests.reproduction.paper3_jpda.simulation import (
     AREA,
     GATE,

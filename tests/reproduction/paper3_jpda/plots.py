@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from models.foreground import Foreground
-from models.roi import Image
-from models.tracked import TrackedObject
+from lumpwatch.models.roi import Image
+from lumpwatch.models.trackers.foreground import Foreground
+from lumpwatch.models.trackers.tracked import TrackedObject
 from tests.reproduction.paper3_jpda.simulation import (
     METHODS,
     SETTINGS,

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from models.jpda import Association, associate
-from models.jpda.kalman import Gaussians, innovations, predict, update
-from models.motion import ConstantVelocity
+from lumpwatch.models.jdt.motion import ConstantVelocity
+from lumpwatch.models.trackers.jpda import Association, associate
+from lumpwatch.models.trackers.jpda.kalman import Gaussians, innovations, predict, update
 
 Array = NDArray[np.float64]
 TARGETS, STEPS, NOISE = 8, 100, 2.0

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from models.evaluation import overlaps
-from models.foreground import Foreground, blobs
-from models.jpda import JpdaOptions, JpdaTracker, OneWay, associate
-from models.jpda.tracker import Associator
-from models.roi import Image
-from models.tracked import TrackedObject
+from lumpwatch.models.evaluation import overlaps
+from lumpwatch.models.roi import Image
+from lumpwatch.models.trackers.foreground import Foreground, blobs
+from lumpwatch.models.trackers.jpda import JpdaOptions, JpdaTracker, OneWay, associate
+from lumpwatch.models.trackers.jpda.tracker import Associator
+from lumpwatch.models.trackers.tracked import TrackedObject
 from tests.reproduction.paper3_jpda.traffic import (
     DIRECTION,
     FRAMES,

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from models.roi import Image
+from lumpwatch.models.roi import Image
 
 Array = NDArray[np.float64]
 HEIGHT, WIDTH, RATE = 240, 360, 30.0

@@ -1,0 +1,317 @@
+"""One zenoh session as the rest of the service sees it: no zenoh type shows."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import logging
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import Self, TypeVar
+
+import zenoh
+from zenoh import CongestionControl, Priority, ext
+
+from lumpwatch.service.bus.callback_queue import Worker
+from lumpwatch.service.bus.endpoints import (
+    ALARMS_KEPT,
+    AliveCallback,
+    Callback,
+    Handler,
+    Publisher,
+    Reply,
+    answer,
+    declare_alarms,
+    declare_state,
+    to_message,
+    to_reply,
+    to_wire,
+)
+from lumpwatch.service.bus.errors import BusClosed, BusError
+from lumpwatch.service.bus.frames import FrameInbox, FramePublisher
+from lumpwatch.service.bus.handles import Handle, direct, queue, reason, shut, undeclares
+from lumpwatch.service.bus.ordering import Due, InOrder, Message
+
+_log = logging.getLogger(__name__)
+
+_H = TypeVar("_H", bound=Handle)
+
+_CLOSE_S = 2.0
+_RECENT_S = 2.0
+
+
+class Bus:
+    """A session and all that was declared on it; made by `open_hub` and `open_client`.
+
+    All methods raise BusClosed once the bus is closed and BusError for a key that is no key
+    expression. Callbacks run one after another in a thread of their subscription, never in parallel
+    with themselves; what they raise is logged. More than 4096 waiting messages of one subscription
+    drop the oldest, with an error in the log.
+    """
+
+    def __init__(self, session: zenoh.Session, clock: str, endpoints: tuple[str, ...]) -> None:
+        self.endpoints = endpoints
+        """Where a client on this host reaches the hub: wildcard hosts and port 0 are resolved."""
+        self._session = session
+        self._clock = clock
+        self._receivers: dict[Handle, None] = {}
+        self._senders: dict[Handle, None] = {}
+        self._lock = threading.Lock()
+        self._closed = False
+        self._values = Worker("last values")
+        # A session with callbacks that is still open when the interpreter ends aborts the process.
+        atexit.register(self._close_at_exit)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether `close` was called."""
+        return self._closed
+
+    @property
+    def linked(self) -> bool:
+        """Whether this client reaches a hub now; one that froze counts as reached for some 10 s."""
+        return not self._closed and bool(self._session.info.routers_zid())
+
+    def close(self) -> None:
+        """Close everything, receivers first; idempotent, returns within some 2 s.
+
+        A frozen peer on a full connection makes zenoh itself wait some 10 s. That goes on behind the
+        scenes, and the interpreter waits for its end: ending earlier would abort the process.
+        """
+        if not self._begin_close():
+            return
+        atexit.unregister(self._close_at_exit)
+        closer = threading.Thread(target=self._shut, name="bus close", daemon=False)
+        closer.start()
+        closer.join(_CLOSE_S)
+        if closer.is_alive():
+            _log.warning("bus: a peer does not answer; still closing after %s s", _CLOSE_S)
+
+    def frame_publisher(
+        self, key: str, jpeg_key: str | None = None, jpeg_quality: int = 85
+    ) -> FramePublisher:
+        """A publisher of frames on `key`; where given, of JPEG pictures on `jpeg_key` on demand."""
+        with self._declaring(key):
+            frames = self._session.declare_publisher(key, congestion_control=CongestionControl.DROP)
+            pictures = None
+            if jpeg_key is not None:
+                pictures = self._session.declare_publisher(
+                    jpeg_key, congestion_control=CongestionControl.DROP, priority=Priority.DATA_LOW
+                )
+        publisher = FramePublisher(frames, pictures, self._clock, jpeg_quality)
+        publisher.on_close(undeclares(frames), *([undeclares(pictures)] if pictures else []))
+        return self._keep(publisher, self._senders)
+
+    def frame_inbox(self, key: str) -> FrameInbox:
+        """The newest frame of `key`."""
+        inbox = FrameInbox(self._clock)
+        with self._declaring(key):
+            inbox.on_close(undeclares(self._session.declare_subscriber(key, direct(inbox.receive))))
+        return self._keep(inbox, self._receivers)
+
+    def publisher(self, key: str) -> Publisher:
+        """A publisher of small messages of which the latest counts: dropped where a receiver is slow.
+
+        Late joiners get the last value, both those that `subscribe` with history (from the advanced
+        publisher's cache) and those that `ask` (from a queryable: the cache does not answer plain
+        queries).
+        """
+        return self._published(Publisher(key, keep=1), key, declare_state)
+
+    def alarm_publisher(self, key: str, kept: Sequence[Message] = ()) -> Publisher:
+        """A publisher of messages that must not be lost: repeated where missed, the last 64 kept.
+
+        Late joiners get those with `subscribe_alarms` or `ask`, after `kept`: messages of former
+        publishers of the key, which nobody gets twice.
+        """
+        return self._published(Publisher(key, ALARMS_KEPT, kept), key, declare_alarms)
+
+    def subscribe(self, selector: str, callback: Callback, *, history: bool = False) -> Handle:
+        """Call back with key and payload of each message; with `history` first with the last values."""
+        with self._receiving(selector) as worker:
+
+            def pass_on(sample: zenoh.Sample) -> None:
+                if sample.kind == zenoh.SampleKind.PUT:
+                    callback(str(sample.key_expr), sample.payload.to_bytes())
+
+            deliver = direct(queue(worker, pass_on))
+            if not history:
+                return self._received(worker, undeclares(self._session.declare_subscriber(selector, deliver)))
+            subscriber = ext.declare_advanced_subscriber(
+                self._session,
+                selector,
+                deliver,
+                history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+            )
+            return self._received(worker, undeclares(subscriber))
+
+    def subscribe_alarms(
+        self, selector: str, callback: Callback, on_missed: Callable[[int], None] | None = None
+    ) -> Handle:
+        """Call back with key and payload of each alarm, once and in order, what is kept of old ones first.
+
+        That holds over restarts of the publisher too, where it keeps what its predecessors sent.
+
+        Alarms missed in an outage are fetched again; `on_missed` gets the number of those that could
+        not be (more than 64 of one publisher).
+        """
+        order = InOrder(self._recent)
+        with self._receiving(selector) as worker:
+
+            def pass_on(due: Due) -> None:
+                messages, lost = due
+                if lost and on_missed is not None:
+                    worker.guard(partial(on_missed, lost))
+                for message in messages:
+                    worker.guard(partial(callback, message.key, message.payload))
+
+            def arrived(sample: zenoh.Sample) -> None:
+                if sample.kind == zenoh.SampleKind.PUT:
+                    pass_on(order.due(to_message(sample)))
+
+            def appeared(sample: zenoh.Sample) -> None:
+                """A publisher is there: what it keeps of itself and its predecessors may be news."""
+                if sample.kind == zenoh.SampleKind.PUT:
+                    pass_on(order.catch_up(str(sample.key_expr).partition("/@adv/")[0]))
+
+            subscriber = ext.declare_advanced_subscriber(
+                self._session,
+                selector,
+                direct(queue(worker, arrived)),
+                history=ext.HistoryConfig(detect_late_publishers=True, max_samples=ALARMS_KEPT),
+                recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
+            )
+            publishers = subscriber.detect_publishers(direct(queue(worker, appeared)), history=True)
+            return self._received(worker, undeclares(publishers), undeclares(subscriber))
+
+    def serve(self, key: str, handler: Handler) -> Handle:
+        """Answer the queries of `key`; what the handler raises goes back as one line of error."""
+        with self._receiving(key) as worker:
+            queryable = self._session.declare_queryable(
+                key, direct(queue(worker, partial(answer, key, handler)))
+            )
+            return self._received(worker, undeclares(queryable))
+
+    def ask(
+        self,
+        key: str,
+        parameters: dict[str, str] | None = None,
+        payload: bytes | None = None,
+        timeout_s: float = 2.0,
+    ) -> list[Reply]:
+        """All replies to a query of a key or selector; empty when nobody serves it.
+
+        One that does not answer in `timeout_s` is a reply with the error `Timeout`.
+        """
+        with self._declaring(key):
+            replies = self._get(f"{key}?{to_wire(parameters)}" if parameters else key, payload, timeout_s)
+            return [to_reply(key, reply) for reply in replies]
+
+    def alive(self, key: str) -> Handle:
+        """A liveliness token: seen by others until it, or the bus, is closed, or the process dies."""
+        token = Handle()
+        with self._declaring(key):
+            token.on_close(undeclares(self._session.liveliness().declare_token(key)))
+        return self._keep(token, self._senders)
+
+    def watch_alive(self, selector: str, callback: AliveCallback) -> Handle:
+        """Call back with key and presence of each token, those that are there already included."""
+        with self._receiving(selector) as worker:
+
+            def pass_on(sample: zenoh.Sample) -> None:
+                callback(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+            watcher = self._session.liveliness().declare_subscriber(
+                selector, direct(queue(worker, pass_on)), history=True
+            )
+            return self._received(worker, undeclares(watcher))
+
+    def list_alive(self, selector: str, timeout_s: float = 2.0) -> list[str]:
+        """The keys of the tokens that are there, sorted."""
+        with self._declaring(selector):
+            replies = self._session.liveliness().get(selector, timeout=timeout_s)
+            return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+
+    def _begin_close(self) -> bool:
+        with self._lock:
+            first, self._closed = not self._closed, True
+        return first
+
+    def _close_at_exit(self) -> None:
+        if self._begin_close():
+            self._shut()  # no thread can be started or waited for any more
+
+    def _shut(self) -> None:
+        for handle in [*self._receivers, *self._senders]:
+            handle.close()
+        self._values.close()
+        with contextlib.suppress(zenoh.ZError):
+            shut(self._session)
+
+    @contextlib.contextmanager
+    def _declaring(self, key: str) -> Iterator[None]:
+        if self._closed:
+            raise BusClosed(f"bus: closed, cannot use {key}")
+        try:
+            yield
+        except zenoh.ZError as error:
+            if self._closed:
+                raise BusClosed(f"bus: closed, cannot use {key}") from error
+            raise BusError(f"bus: {key}: {reason(error)}") from error
+
+    @contextlib.contextmanager
+    def _receiving(self, selector: str) -> Iterator[Worker]:
+        with self._declaring(selector):
+            worker = Worker(selector)
+            try:
+                yield worker
+            except BaseException:
+                worker.close()
+                raise
+
+    def _keep(self, handle: _H, among: dict[Handle, None]) -> _H:
+        among[handle] = None
+        handle.on_close(lambda: among.pop(handle, None))
+        return handle
+
+    def _published(
+        self,
+        publisher: Publisher,
+        key: str,
+        declare: Callable[[zenoh.Session, str], ext.AdvancedPublisher],
+    ) -> Publisher:
+        with self._declaring(key):
+            # Who hears of the publisher asks for what it keeps: the answer must be there first.
+            queries = self._session.declare_queryable(key, direct(queue(self._values, publisher.answer)))
+            publisher.on_close(undeclares(queries))
+            declared = declare(self._session, key)
+            publisher.use(declared)
+            publisher.on_close(undeclares(declared))
+        return self._keep(publisher, self._senders)
+
+    def _get(self, selector: str, payload: bytes | None, timeout_s: float) -> Iterable[zenoh.Reply]:
+        return self._session.get(
+            selector,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=timeout_s,
+            payload=payload,
+        )
+
+    def _recent(self, key: str) -> list[Message]:
+        with contextlib.suppress(zenoh.ZError):
+            replies = self._get(key, None, _RECENT_S)
+            return [to_message(reply.ok) for reply in replies if reply.ok is not None]
+        return []
+
+    def _received(self, worker: Worker, *closers: Callable[[], None]) -> Handle:
+        subscription = Handle()
+        subscription.on_close(*closers, worker.close)
+        return self._keep(subscription, self._receivers)

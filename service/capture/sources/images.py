@@ -1,0 +1,104 @@
+"""A folder of images as a source of frames, in natural order: 2.png comes before 10.png."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import av
+from av import FFmpegError, VideoFrame
+
+from lumpwatch.service.capture.sources.assemble import Assembler
+from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.files import os_error
+from lumpwatch.service.capture.sources.pacing import Pacer
+from lumpwatch.service.capture.sources.pixels import Want
+from lumpwatch.service.config import PICTURE_SUFFIXES, SourceConfig
+from lumpwatch.service.core import Frame
+
+DEFAULT_FPS = 10.0
+_DIGITS = re.compile(r"(\d+)")
+
+
+def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """A key that sorts numbers in file names by value."""
+    parts = _DIGITS.split(path.name.lower())
+    return [(int(p), "") if p.isdecimal() else (-1, p) for p in parts], path.name
+
+
+class ImageSource:
+    """Plays the pictures of a folder at `fps`, or as fast as they are read; see `Source`.
+
+    A file that is no readable picture (`corrupt`) or has another size than the first
+    (`size_changed`) ends the run with a SourceError that names it.
+    """
+
+    def __init__(self, config: SourceConfig, camera_id: str, want: Want, *, pacer: Pacer) -> None:
+        self._config = config
+        self._name = f"camera {camera_id}: {config.path}"
+        self._fps = config.fps or DEFAULT_FPS
+        self._pacer = pacer
+        self._assembler = Assembler(want)
+        self._paths: list[Path] = []
+        self._played = 0
+
+    @property
+    def nominal_fps(self) -> float:
+        """As configured, or 10."""
+        return self._fps
+
+    @property
+    def length(self) -> int | None:
+        """Number of pictures from `start_s` on; None for a loop, and while it is not open."""
+        return len(self._paths) if self._paths and not self._config.loop else None
+
+    def open(self) -> None:
+        """List the folder; raises SourceError."""
+        self.close()
+        try:
+            found = [p for p in self._config.path.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES]
+        except OSError as error:
+            raise os_error(self._name, error) from error
+        skipped = round(self._config.start_s * self._fps)
+        if len(found) <= skipped:
+            raise SourceError(
+                Fault.EMPTY, f"{self._name}: {len(found)} pictures, none from {self._config.start_s:g} s on"
+            )
+        self._paths = sorted(found, key=natural)[skipped:]
+        self._pacer.restart()
+
+    def close(self) -> None:
+        """Forget the list; idempotent."""
+        self._paths = []
+        self._played = 0
+
+    def read(self) -> Frame | None:
+        """The next picture, when it is due; None after the last one; raises SourceError."""
+        if not self._paths:
+            raise RuntimeError("read of a source that is not open")
+        if self._played >= len(self._paths) and not self._config.loop:
+            return None
+        path = self._paths[self._played % len(self._paths)]
+        name = f"{self._name}/{path.name}"
+        picture = _load(path, name)
+        self._assembler.check_size(picture, name)
+        times = self._pacer.wait(self._played / self._fps)
+        self._played += 1
+        return self._assembler.make(picture, times)
+
+
+def _load(path: Path, name: str) -> VideoFrame:
+    try:
+        # From memory: FFmpeg would read a percent sign in the path as a pattern.
+        with av.open(io.BytesIO(path.read_bytes()), mode="r") as container:
+            for picture in container.decode(video=0):
+                if not picture.is_corrupt:
+                    return picture
+    except FFmpegError:
+        pass  # FFmpeg's errors are OSErrors in part, so they come first
+    except OSError as error:
+        raise os_error(name, error) from error
+    except IndexError:
+        pass  # no video stream in it
+    raise SourceError(Fault.CORRUPT, f"{name}: not a readable picture")

@@ -1,0 +1,25 @@
+"""Colours and words of what is drawn into a picture."""
+
+from __future__ import annotations
+
+from lumpwatch.service.core.decision import Decision
+from lumpwatch.service.core.detection import DetectedObject
+
+COLOURS = {
+    Decision.CLEAR: (110, 200, 90),
+    Decision.LUMP: (60, 60, 235),
+    Decision.BLIND: (0, 190, 240),
+}
+"""Of a decision, blue, green and red."""
+
+
+def label_of(found: DetectedObject) -> str:
+    """Model, size and seconds to the lip in a few words."""
+    words = [found.model]
+    if found.size is not None and found.size.longest_mm is not None:
+        words.append(f"{found.size.longest_mm:.0f} mm")
+    if found.size is not None and found.size.lip_s is not None:
+        words.append(f"{found.size.lip_s:.1f} s")
+    if found.wrong_way:
+        words.append("WRONG WAY")
+    return " ".join(words)

@@ -1,0 +1,73 @@
+"""From what checks find to what a ROI says: each reason has a time to enter and a time to leave.
+
+Pure; times are those of frames. Whatever the order of findings: once something has been found without a
+break for the longest of the entry times, the ROI is BLIND.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from lumpwatch.service.core.decision import BlindReason
+
+_ORDER = {reason: k for k, reason in enumerate(BlindReason)}
+_ROUNDING_S = 1e-6  # times are multiples of a frame interval
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """How long a finding must last to count, and its absence to end it."""
+
+    entry_s: float
+    exit_s: float
+
+
+@dataclass(slots=True)
+class _Hold:
+    since_s: float | None = None
+    """Since when the finding contradicts `active`."""
+    active: bool = False
+
+
+class Holds:
+    """The reasons for which one ROI is BLIND."""
+
+    def __init__(self, times: Mapping[BlindReason, Times]) -> None:
+        """Reasons without times are not looked at."""
+        self._times = dict(times)
+        self._holds = {reason: _Hold() for reason in times}
+        self._unfit_since_s: float | None = None
+        self.limit_s = max((one.entry_s for one in times.values()), default=0.0)
+        """After so long with anything found the ROI is BLIND."""
+
+    @property
+    def reasons(self) -> Collection[BlindReason]:
+        """All that are looked at."""
+        return self._times.keys()
+
+    @property
+    def reason(self) -> BlindReason | None:
+        """The first of the reasons that hold, in the order of `BlindReason`."""
+        active = [reason for reason, hold in self._holds.items() if hold.active]
+        return min(active, key=_ORDER.__getitem__, default=None)
+
+    def step(self, time_s: float, found: Collection[BlindReason]) -> BlindReason | None:
+        """What holds after the checks have found these at `time_s`; times never fall."""
+        known = [reason for reason in found if reason in self._holds]
+        if not known:
+            self._unfit_since_s = None
+        elif self._unfit_since_s is None:
+            self._unfit_since_s = time_s
+        unfit_s = 0.0 if self._unfit_since_s is None else time_s - self._unfit_since_s
+        for reason, hold in self._holds.items():
+            if (reason in known) is hold.active:
+                hold.since_s = None
+                continue
+            hold.since_s = time_s if hold.since_s is None else hold.since_s
+            times = self._times[reason]
+            lasted, needed = time_s - hold.since_s, times.exit_s if hold.active else times.entry_s
+            over_all = not hold.active and unfit_s >= self.limit_s - _ROUNDING_S
+            if lasted >= needed - _ROUNDING_S or over_all:
+                hold.active, hold.since_s = not hold.active, None
+        return self.reason

@@ -1,0 +1,146 @@
+"""What is decided of a region on a frame, and why it cannot be decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from lumpwatch.models.picture.region import Measure
+from lumpwatch.service.core.alarm import Alarm, AlarmClass, Priority, Transition
+from lumpwatch.service.core.detection import Detection
+from lumpwatch.service.core.frame import Frame
+
+
+class Decision(StrEnum):
+    """The three-valued decision of a ROI."""
+
+    CLEAR = "CLEAR"
+    LUMP = "LUMP"
+    BLIND = "BLIND"
+
+
+class BlindReason(StrEnum):
+    """Why a ROI cannot judge; of several reasons the first of this list is told."""
+
+    STARTING = "starting"
+    """No frame has come yet."""
+    NO_STREAM = "no_stream"
+    """No frame comes."""
+    STALE = "stale"
+    """Frames come late."""
+    FILTER = "filter"
+    """The filter fails, or is starved of particles."""
+    OVERLOAD = "overload"
+    """Too few frames are judged, or too late."""
+    FROZEN = "frozen"
+    """The picture does not change."""
+    DARK = "dark"
+    """There is too little light."""
+    GLARE = "glare"
+    """Too much of the picture is saturated."""
+    MOVED = "moved"
+    """The camera has moved, or what it shows cannot be found in the reference."""
+    DUSTY = "dusty"
+    """A bright veil takes structure away."""
+    HIDDEN = "hidden"
+    """Too much of the region is featureless or replaced."""
+    BLURRED = "blurred"
+    """Fine structure is gone."""
+    EXPOSURE = "exposure"
+    """Hold-off after the exposure has jumped."""
+
+
+class Trouble(StrEnum):
+    """Why a ROI does not judge as well as it must: the reasons of the system alarm."""
+
+    LATENCY = "latency"
+    """Decisions have come later than the camera's budget allows."""
+    PROOF_TEST = "proof_test"
+    """The last proof test failed."""
+    PROOF_OVERDUE = "proof_overdue"
+    """The proof tests that the configuration asks for have not come to a result for too long."""
+
+
+class LipReason(StrEnum):
+    """Why the seconds until the lip are not known."""
+
+    UNCALIBRATED = "uncalibrated"
+    """The ROI has no calibration."""
+    NO_OBJECT = "no_object"
+    """No object is located."""
+    NOT_MOVING = "not_moving"
+    """No object moves towards the lip, or none lies on the belt."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureQuality:
+    """What is known of a ROI's picture."""
+
+    reason: BlindReason | None = None
+    """Why it is not fit."""
+    suspect: bool = False
+    """Whether the last picture alone is beyond a threshold: too early for a reason, reason enough for care."""
+    held_off: bool = False
+    """Whether the exposure has just jumped: the lump alarm is not judged."""
+    holdoffs: int = 0
+    """How many hold-offs have begun."""
+    values: Mapping[Measure, float] = field(default_factory=dict)
+    """The slow estimate of each measure."""
+    thresholds: Mapping[Measure, float] = field(default_factory=dict)
+    """What each is compared with."""
+    offset_px: tuple[int, int] = (0, 0)
+    """How far the region was moved along with the camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmChange:
+    """A transition, of which alarm, and the alarm after all that happened at that moment."""
+
+    alarm_class: AlarmClass
+    transition: Transition
+    alarm: Alarm
+    priority: Priority
+
+
+@dataclass(frozen=True, slots=True)
+class RoiResult:
+    """The decision of one ROI."""
+
+    roi: str
+    frame: Frame | None
+    """None where no frame has come yet."""
+    decision: Decision
+    reason: BlindReason | None
+    detection: Detection | None
+    existence: float
+    alarms: Mapping[AlarmClass, Alarm]
+    prior: int
+    decided: bool
+    """Whether this result comes from filtering a new frame."""
+    changes: tuple[AlarmChange, ...] = ()
+    """What happened to the alarms, in order."""
+    taken_s: float | None = None
+    """When the pipeline got the frame, on the clock of its `received_s`; None where no frame has come yet."""
+    quality: PictureQuality = PictureQuality()
+    """What is known of the picture."""
+
+    @property
+    def alarm(self) -> Alarm:
+        """Of class lump."""
+        return self.alarms[AlarmClass.LUMP]
+
+    @property
+    def blind_alarm(self) -> Alarm:
+        """Of class blind."""
+        return self.alarms[AlarmClass.BLIND]
+
+    @property
+    def fit(self) -> bool:
+        """Whether it comes from a new frame of a picture that is fit: only such teach anything."""
+        return self.decided and self.reason is None
+
+    @property
+    def transition(self) -> Transition | None:
+        """The first change of the lump alarm."""
+        return next((c.transition for c in self.changes if c.alarm_class is AlarmClass.LUMP), None)

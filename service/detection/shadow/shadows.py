@@ -1,0 +1,273 @@
+"""Runs the shadow priors of one camera on the frames that the priors in use have decided.
+
+It is shown results and gives none back: nothing of a shadow can come into a decision. What a shadow
+raises ends it, with a line in the log and a count.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from math import isfinite
+from typing import Protocol
+
+from lumpwatch.models.roi import Roi
+from lumpwatch.service.config import CameraConfig, DetectorConfig, RoiConfig
+from lumpwatch.service.core import Alarm, Frame, RoiResult, step_alarm, working_colour, working_luma
+from lumpwatch.service.detection.detectors.base import Detector
+from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
+from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.region import make_region
+from lumpwatch.service.detection.shadow.budget import Budget
+from lumpwatch.service.detection.shadow.differences import Differences, Found
+from lumpwatch.service.detection.sizing import Sizer
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.protocol import Counts, ShadowState
+from lumpwatch.service.storage import Prior
+
+log = logging.getLogger(__name__)
+
+MakeDetector = Callable[[DetectorConfig, Roi, Prior], Detector]
+
+
+class ShadowObserver(Protocol):
+    """Is told what the shadows do; implemented by metrics."""
+
+    def shadow_counted(self, roi: str, before: Counts, after: Counts) -> None:
+        """The counts of a ROI have changed."""
+
+    def shadow_runs(self, roi: str, version: int) -> None:
+        """Which version runs; 0: none does."""
+
+    def shadow_judges(self, roi: str, existence: float) -> None:
+        """The probability of a lump by the shadow."""
+
+    def shadow_failed(self, roi: str, reason: str) -> None:
+        """A shadow ended: `unfit` for this ROI, or `failed`."""
+
+
+class UnobservedShadows:
+    """An observer that looks away."""
+
+    def shadow_counted(self, roi: str, before: Counts, after: Counts) -> None:
+        """Nothing."""
+
+    def shadow_runs(self, roi: str, version: int) -> None:
+        """Nothing."""
+
+    def shadow_judges(self, roi: str, existence: float) -> None:
+        """Nothing."""
+
+    def shadow_failed(self, roi: str, reason: str) -> None:
+        """Nothing."""
+
+
+def _make(config: DetectorConfig, roi: Roi, prior: Prior) -> Detector:
+    return make_detector(config, roi, prior.learned)
+
+
+@dataclass(slots=True)
+class _Shadow:
+    """One prior on trial."""
+
+    config: RoiConfig
+    prior: Prior
+    current: int
+    since: datetime
+    differences: Differences
+    detector: Detector | None = None
+    sizer: Sizer | None = None
+    size: tuple[int, int] = (0, 0)
+    looked_s: float | None = None
+    alarm: Alarm = Alarm()  # noqa: RUF009 - immutable
+    existence: float | None = None
+    failed: str | None = None
+
+    def fit(self, frame: Frame, make: MakeDetector) -> None:
+        """Make the detector for pictures of this size. Raises LumpwatchError."""
+        size = (frame.width, frame.height)
+        if size == self.size:
+            return
+        self.prior.check_fits(self.config, *size)
+        roi = make_region(self.config, *size)
+        self.detector = make(self.config.detector, roi, self.prior)
+        calibration = self.config.calibration
+        certain = self.config.alarm.oversize_above
+        self.sizer = None if calibration is None else Sizer(calibration, *size, certain)
+        self.size = size
+
+    def look(self, frame: Frame, offset_px: tuple[int, int] = (0, 0)) -> None:
+        """Filter and decide one frame, the region moved by so much; raises whatever is wrong."""
+        assert self.detector is not None
+        roi = self.detector.roi
+        place = roi.at(roi.x + offset_px[0], roi.y + offset_px[1])
+        gray = working_luma(frame, place)
+        colour = working_colour(frame, place) if self.config.detector.needs_colour else None
+        dt = DEFAULT_INTERVAL_S if self.looked_s is None else frame.capture_s - self.looked_s
+        found = self.detector.step(gray, colour, dt)
+        if self.sizer is not None:
+            found = self.sizer.measure(found, frame.capture_s)
+        if not (isfinite(found.alarming) and 0.0 <= found.existence <= 1.0):
+            raise ValueError(f"existence {found.existence} is not a probability")
+        self.alarm, _ = step_alarm(self.alarm, self.config.alarm, found.alarming, frame.capture_s)
+        self.existence = found.existence
+        self.looked_s = frame.capture_s
+
+    def sees(self, time_s: float, blind_after_s: float) -> bool:
+        """Whether its last look is recent enough to compare."""
+        return self.looked_s is not None and time_s - self.looked_s <= blind_after_s
+
+
+class Shadows:
+    """The shadows of one camera; used by one thread, no method raises for what a shadow does."""
+
+    def __init__(
+        self,
+        config: CameraConfig,
+        wall: Callable[[], datetime],
+        clock: Callable[[], float] | None,
+        observer: ShadowObserver | None = None,
+        make: MakeDetector = _make,
+    ) -> None:
+        """`clock` times the work, in seconds; None: a shadow looks at every frame, however long it takes."""
+        self._config = config
+        self._wall = wall
+        self._clock = clock
+        self._observer: ShadowObserver = observer or UnobservedShadows()
+        self._make = make
+        self._budget = Budget()
+        self._shadows: dict[str, _Shadow] = {}
+        self._last: Frame | None = None
+
+    def use(
+        self, roi_id: str, prior: Prior | None, current: int = 0, kept: ShadowState | None = None
+    ) -> None:
+        """Run a prior in shadow from the next frame on, or none any more.
+
+        `kept` is what was counted before a restart, for the same two versions.
+        """
+        self._budget.forget(roi_id)
+        self._shadows.pop(roi_id, None)
+        self._observer.shadow_runs(roi_id, 0 if prior is None else prior.version)
+        if prior is None:
+            return
+        if kept is not None and (kept.version, kept.current) != (prior.version, current):
+            kept = None
+        counts = Counts() if kept is None else kept.counts
+        since = self._wall() if kept is None else kept.since
+        self._shadows[roi_id] = self._begun(self._config.roi(roi_id), prior, current, since, counts)
+
+    def follow(self, results: tuple[RoiResult, ...], spent_s: float) -> None:
+        """Look at the frame of these results; the priors in use took `spent_s` for it."""
+        decided = [one for one in results if one.fit and one.roi in self._shadows and one.frame is not None]
+        if not decided or decided[0].frame is None:
+            return
+        self._earn(decided[0].frame, spent_s)
+        # Who has waited longest comes first, so that time that is short is shared.
+        for result in sorted(decided, key=lambda one: self._shadows[one.roi].looked_s or float("-inf")):
+            shadow = self._shadows[result.roi]
+            if shadow.failed is None:
+                self._follow(shadow, result)
+
+    def state(self, roi_id: str) -> ShadowState | None:
+        """What is to be told of the shadow of a ROI; None: there is none."""
+        shadow = self._shadows.get(roi_id)
+        if shadow is None:
+            return None
+        return ShadowState(
+            camera=self._config.id,
+            roi=roi_id,
+            version=shadow.prior.version,
+            current=shadow.current,
+            since=shadow.since,
+            time=self._wall(),
+            failed=shadow.failed,
+            existence=shadow.existence,
+            lump=shadow.alarm.active,
+            **asdict(shadow.differences.counts),
+        )
+
+    def _begun(self, roi: RoiConfig, prior: Prior, current: int, since: datetime, counts: Counts) -> _Shadow:
+        differences = Differences(roi.learning.shadow_match_s, self._config.blind_after_s, counts)
+        return _Shadow(roi, prior, current, since, differences)
+
+    def _earn(self, frame: Frame, spent_s: float) -> None:
+        last, self._last = self._last, frame
+        if last is None or frame.seq <= last.seq:
+            return
+        # Where frames were skipped, the interval is still that of the camera: nothing is left of it.
+        self._budget.earn((frame.capture_s - last.capture_s) / (frame.seq - last.seq), spent_s)
+
+    def _follow(self, shadow: _Shadow, result: RoiResult) -> None:
+        assert result.frame is not None
+        if result.prior != shadow.current:  # compared with another one from now on
+            shadow.current, shadow.since = result.prior, self._wall()
+            shadow.differences = Differences(
+                shadow.config.learning.shadow_match_s, self._config.blind_after_s
+            )
+        counts = shadow.differences.counts
+        try:
+            looked = self._look(shadow, result.frame, result.quality.offset_px)
+        except Exception as error:  # whatever it is: the shadow ends, the prior in use decides on
+            self._end(shadow, error)
+            return
+        now = shadow.differences.counts
+        shadow.differences.counts = replace(
+            now, frames=now.frames + looked, skipped=now.skipped + (not looked)
+        )
+        if shadow.existence is not None:
+            self._observer.shadow_judges(shadow.config.id, shadow.existence)
+        self._compare(shadow, result)
+        self._observer.shadow_counted(shadow.config.id, counts, shadow.differences.counts)
+
+    def _look(self, shadow: _Shadow, frame: Frame, offset_px: tuple[int, int]) -> bool:
+        if self._clock is None:
+            shadow.fit(frame, self._make)
+            shadow.look(frame, offset_px)
+            return True
+        if not self._budget.allows(shadow.config.id):
+            return False
+        started = self._clock()
+        try:
+            shadow.fit(frame, self._make)
+            shadow.look(frame, offset_px)
+        finally:
+            self._budget.spend(shadow.config.id, self._clock() - started)
+        return True
+
+    def _compare(self, shadow: _Shadow, result: RoiResult) -> None:
+        assert result.frame is not None
+        time_s = result.frame.capture_s
+        if not shadow.sees(time_s, self._config.blind_after_s):
+            shadow.differences.interrupt()
+            return
+        for found in shadow.differences.step(time_s, result.alarm.active, shadow.alarm.active):
+            self._tell(shadow, found)
+
+    def _tell(self, shadow: _Shadow, found: Found) -> None:
+        where = f"{self._config.id}/{shadow.config.id}: shadow version {shadow.prior.version}"
+        if found.side == "both":
+            log.info("%s: alarm of both, the shadow %+.1f s earlier", where, found.lead_s)
+        elif found.side == "only_current":
+            log.info("%s: raises no alarm where version %d does", where, shadow.current)
+        else:
+            log.info("%s: would raise an alarm where version %d does not", where, shadow.current)
+
+    def _end(self, shadow: _Shadow, error: Exception) -> None:
+        roi = shadow.config.id
+        self._budget.forget(roi)
+        shadow.detector = shadow.sizer = None
+        shadow.failed = f"{type(error).__name__}: {error}"
+        unfit = isinstance(error, LumpwatchError)
+        log.error(
+            "%s/%s: shadow version %d ended: %s",
+            self._config.id,
+            roi,
+            shadow.prior.version,
+            error,
+            exc_info=None if unfit else error,
+        )
+        self._observer.shadow_failed(roi, "unfit" if unfit else "failed")
+        self._observer.shadow_runs(roi, 0)

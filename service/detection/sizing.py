@@ -1,0 +1,157 @@
+"""How large the objects of a ROI are in millimetres, and when they reach the lip.
+
+A box of one frame says little and the next one says nearly the same, so the size of an object is the
+mean of the logarithm over its frames, each half second counting as one look. What no number of looks
+takes away is that a lump is no sphere (`SHAPE_SPREAD`), and what time does is that a new box lies badly
+(`SETTLING_SPREAD`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import erf, exp, log, pi, sqrt, tan
+
+import numpy as np
+
+from lumpwatch.models.plane import BeltPlane, OnBelt, fit_plane, measure, rectangle_of_width
+from lumpwatch.service.config import CalibrationConfig
+from lumpwatch.service.core import DetectedObject, Detection, LumpSize
+from lumpwatch.service.errors import ConfigError
+
+SHAPE_FACTOR = 1.23
+"""A lump is longer than its silhouette shows: the longest axis seldom lies across the view."""
+SHAPE_SPREAD = 0.08
+"""Standard deviation of the log of a lump's longest diameter around that of its silhouette."""
+SETTLING_SPREAD, SETTLING_S = 0.15, 0.5
+"""What is added to it at first, and the time in which that becomes a third: a box just found does not lie well yet.
+All of these come from simulated lumps, of training seeds."""
+LOOK_S = 0.5
+MOST_LOOKS = 4
+FORGET_S = 3.0
+_INTERVAL_90 = 1.6449
+
+
+@dataclass(slots=True)
+class Looks:
+    """What is known of one object's size."""
+
+    first_s: float
+    last_s: float
+    frames: int = 0
+    longest: float = 0.0
+    """Sum of the log of the longest diameter."""
+    equivalent: float = 0.0
+    variance: float = 0.0
+    """Sum of the variances of the log."""
+    on_the_way: bool = False
+    """Whether it was seen before the lip."""
+
+
+class Sizer:
+    """Adds sizes to the objects of one ROI; remembers each object for as long as it is there."""
+
+    def __init__(self, config: CalibrationConfig, width: int, height: int, certain: float = 0.5) -> None:
+        """For pictures of that size; a lump counts as oversize from P(size > limit) = `certain` on.
+
+        Raises ConfigError where the calibration makes no sense.
+        """
+        self._certain = certain
+        self._limit = config.limit_mm
+        self._size = (width, height)
+        try:
+            self._plane = make_plane(config, width, height)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        self._looks: dict[int, Looks] = {}
+
+    def measure(self, detection: Detection, time_s: float) -> Detection:
+        """The detection with a size for each object, and the probability that one is above the limit."""
+        objects = tuple(self._sized(one, time_s) for one in detection.objects)
+        self._looks = {i: looks for i, looks in self._looks.items() if time_s - looks.last_s < FORGET_S}
+        return replace(
+            detection, objects=objects, oversize=_oversize(detection.existence, objects, self._certain)
+        )
+
+    def state(self) -> dict[int, Looks]:
+        """A copy of what is remembered, by object."""
+        return {i: replace(looks) for i, looks in self._looks.items()}
+
+    def restore(self, looks: dict[int, Looks]) -> None:
+        """Go on from there."""
+        self._looks = {i: replace(one) for i, one in looks.items()}
+
+    def _sized(self, one: DetectedObject, time_s: float) -> DetectedObject:
+        found = measure(
+            self._plane,
+            np.array([one.x + one.w / 2, one.y + one.h / 2, one.w, one.h]),
+            np.array([one.vx, one.vy]),
+            np.array([one.spread_x, one.spread_y, one.spread_w, one.spread_h, one.spread_v, one.spread_v]),
+        )
+        if found is None:
+            return one
+        looks = self._looks.setdefault(one.id, Looks(time_s, time_s))
+        looks.last_s = time_s
+        whole = (
+            one.x > 1
+            and one.y > 1
+            and one.x + one.w < self._size[0] - 1
+            and one.y + one.h < self._size[1] - 1
+        )
+        looks.on_the_way |= found.distance_m.value > 0
+        if whole and found.distance_m.value > 0:
+            looks.frames += 1
+            looks.longest += log(SHAPE_FACTOR * found.longest_mm.value)
+            looks.equivalent += log(found.equivalent_mm.value)
+            looks.variance += (found.longest_mm.spread / found.longest_mm.value) ** 2
+        return replace(one, size=self._told(found, looks))
+
+    def _told(self, found: OnBelt, looks: Looks) -> LumpSize:
+        lip = found.lip_s
+        size = LumpSize(
+            speed_m_s=found.speed_m_s.value,
+            distance_m=found.distance_m.value,
+            lip_s=None if lip is None else lip.value,
+            lip_spread_s=None if lip is None else lip.spread,
+        )
+        if looks.frames == 0:
+            # Not yet seen whole: it counts, unless it was only seen at the lip, too late for any warning.
+            return replace(size, over_limit=float(looks.on_the_way))
+        mean = looks.longest / looks.frames
+        independent = min(1.0 + (looks.last_s - looks.first_s) / LOOK_S, looks.frames, MOST_LOOKS)
+        settling = SETTLING_SPREAD * exp((looks.first_s - looks.last_s) / SETTLING_S)
+        spread = sqrt(SHAPE_SPREAD**2 + settling**2 + looks.variance / looks.frames / independent)
+        over = 1.0
+        if self._limit is not None:
+            over = 0.5 * (1.0 + erf((mean - log(self._limit)) / spread / sqrt(2.0)))
+        return replace(
+            size,
+            longest_mm=exp(mean),
+            low_mm=exp(mean - _INTERVAL_90 * spread),
+            high_mm=exp(mean + _INTERVAL_90 * spread),
+            equivalent_mm=exp(looks.equivalent / looks.frames),
+            over_limit=over,
+        )
+
+
+def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
+    """The belt's plane in pictures of that size. Raises ValueError."""
+    size = np.array([width, height], float)
+    if config.width is None:
+        points, places = np.array(config.points) * size, np.array(config.points_mm)
+    else:
+        known = config.width
+        points = np.array([*known.far, *reversed(known.near)]) * size
+        focal = width / 2 / tan(known.view_deg * pi / 360)
+        places = rectangle_of_width(points, known.width_mm, focal, (width, height))
+    return fit_plane(points, places, config.error_px, (width, height), np.array(config.lip) * size)
+
+
+def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: float) -> float:
+    """P(an object is there that counts as too large). What has no size yet, or no place, does."""
+    none_known, none_over = 1.0, 1.0
+    for one in objects:
+        none_known *= 1.0 - one.existence
+        if one.size is None or one.size.over_limit >= certain:
+            none_over *= 1.0 - one.existence
+    elsewhere = (1.0 - existence) / none_known if none_known > 1.0 - existence else 1.0
+    return 1.0 - elsewhere * none_over

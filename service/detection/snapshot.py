@@ -1,0 +1,31 @@
+"""The state of a ROI between two frames, to go on from later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.detection.detectors.base import FilterState
+from lumpwatch.service.detection.sizing import Looks
+from lumpwatch.service.storage import Prior
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """All that a ROI's next decision depends on, but the frame and the prior's content."""
+
+    last_capture_s: float | None
+    """Capture time of the frame before; None: there was none."""
+    size: tuple[int, int] | None
+    """Width and height of that frame."""
+    filter: FilterState | None
+    """None before the first frame, and for detectors that cannot tell."""
+    looks: dict[int, Looks]
+    """What is remembered of the objects' sizes."""
+    alarms: dict[AlarmClass, Alarm]
+    prior: Prior | None
+
+    @property
+    def exact(self) -> bool:
+        """Whether a replay from here decides as the live pipeline did."""
+        return self.filter is not None or self.last_capture_s is None

@@ -1,0 +1,56 @@
+"""A piece of evidence as it lies in its folder; `lumpwatch.service.protocol.evidence` says of what it consists."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.protocol import META, EvidenceMeta, StoredFile
+
+
+class EvidenceError(LumpwatchError):
+    """Evidence cannot be read or is damaged; the text names the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A folder with its meta data."""
+
+    folder: Path
+    meta: EvidenceMeta
+
+    def check(self) -> None:
+        """Read all files and compare checksums. Raises EvidenceError naming the one that is damaged."""
+        for name, told in self.meta.files.items():
+            self.read(name, told)
+
+    def read(self, name: str, told: StoredFile | None = None) -> bytes:
+        """A file of it, checked. Raises EvidenceError."""
+        told = told or self.meta.files.get(name)
+        if told is None:
+            raise EvidenceError(f"{self.folder}: has no {name}")
+        path = self.folder / name
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from error
+        if len(content) != told.size:
+            raise EvidenceError(f"{path}: is damaged ({len(content)} bytes, expected {told.size})")
+        if hashlib.sha256(content).hexdigest() != told.sha256:
+            raise EvidenceError(f"{path}: is damaged (its checksum does not match)")
+        return content
+
+
+def read_evidence(folder: Path) -> Evidence:
+    """The evidence in a folder; its other files are not looked at. Raises EvidenceError."""
+    path = folder / META
+    try:
+        return Evidence(folder, EvidenceMeta.model_validate_json(path.read_bytes()))
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read ({error.strerror}); is this evidence?") from error
+    except ValidationError as error:
+        raise EvidenceError(f"{path}: is not what evidence says of itself") from error

@@ -1,0 +1,68 @@
+"""The state of a ROI's filter at the start of a clip as bytes: a NumPy archive without pickle."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.detection import FilterState, Looks, Snapshot
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.storage import Prior, alarm_of
+
+FORMAT = 1
+
+
+class StateError(LumpwatchError):
+    """A stored state cannot be read; the text names the file."""
+
+
+def encode_state(snapshot: Snapshot) -> bytes:
+    """The bytes of a state file; the prior is kept apart."""
+    plain = {
+        "format": FORMAT,
+        "last_capture_s": snapshot.last_capture_s,
+        "size": snapshot.size,
+        "filter": None if snapshot.filter is None else snapshot.filter.plain,
+        "looks": {str(i): asdict(looks) for i, looks in snapshot.looks.items()},
+        "alarms": {one.value: _alarm(alarm) for one, alarm in snapshot.alarms.items()},
+    }
+    arrays = {} if snapshot.filter is None else snapshot.filter.arrays
+    buffer = io.BytesIO()
+    text = np.frombuffer(json.dumps(plain).encode(), dtype=np.uint8)
+    np.savez_compressed(buffer, allow_pickle=False, plain=text, **arrays)
+    return buffer.getvalue()
+
+
+def decode_state(content: bytes, name: str, prior: Prior | None) -> Snapshot:
+    """The reverse of `encode_state`; `name` stands for the file in errors. Raises StateError."""
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            arrays: dict[str, Any] = {key: archive[key] for key in archive.files}
+        plain = json.loads(arrays.pop("plain").tobytes())
+        if plain["format"] == FORMAT:
+            return _snapshot(plain, arrays, prior)
+    except Exception as error:
+        # Whatever is wrong with it, it is not a state that was written here.
+        raise StateError(f"{name}: is not a filter state ({type(error).__name__})") from error
+    raise StateError(f"{name}: has format {plain['format']}, this version reads format {FORMAT}")
+
+
+def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None) -> Snapshot:
+    return Snapshot(
+        plain["last_capture_s"],
+        None if plain["size"] is None else (int(plain["size"][0]), int(plain["size"][1])),
+        None if plain["filter"] is None else FilterState(plain["filter"], arrays),
+        {int(i): Looks(**looks) for i, looks in plain["looks"].items()},
+        {AlarmClass(one): alarm_of(json.dumps(alarm)) for one, alarm in plain["alarms"].items()},
+        prior,
+    )
+
+
+def _alarm(alarm: Alarm) -> dict[str, Any]:
+    """With the delay that is running, which the event log leaves out."""
+    return {name: value for name, value in asdict(alarm).items() if value is not None}

@@ -1,0 +1,32 @@
+"""The largest lump of an alarm, as it was known last: what an alarm says when it is raised is a first look."""
+
+from __future__ import annotations
+
+from lumpwatch.service.core import LumpSize, RoiResult
+
+
+class LargestSeen:
+    """Follows the sizes of one ROI's objects while its lump alarm is active."""
+
+    def __init__(self) -> None:
+        self._sizes: dict[int, LumpSize] = {}
+        self._active = False
+
+    def saw(self, result: RoiResult) -> None:
+        """A result of that ROI, before its changes are told."""
+        active = result.alarm.active
+        if active and not self._active:
+            self._sizes.clear()
+        self._active = active
+        if result.detection is not None and active:
+            known = (one for one in result.detection.objects if one.size is not None)
+            self._sizes |= {one.id: one.size for one in known if one.size and one.size.longest_mm is not None}
+
+    def told(self) -> dict[str, float | str | None]:
+        """Longest diameter in mm and the interval that holds it with 90 %; empty where none is known."""
+        if not self._sizes:
+            return {}
+        largest = max(self._sizes.values(), key=lambda size: size.longest_mm or 0.0)
+        names = ("longest_mm", "low_mm", "high_mm")
+        values = {name: getattr(largest, name) for name in names}
+        return {name: None if value is None else round(value) for name, value in values.items()}

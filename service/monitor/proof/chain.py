@@ -1,0 +1,243 @@
+"""The monitor's part of a proof test: a second chain of the same make, fed with the frames that carry the lump.
+
+The chain that watches the belt goes on beside it, undisturbed: it gets its own frames, and what it says
+only tells whether the test can be judged.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+
+from lumpwatch.models.plane import side_of
+from lumpwatch.service.bus import Bus, Keys
+from lumpwatch.service.config import CameraConfig, RoiConfig
+from lumpwatch.service.core import AlarmClass, Change, Clocks, Decision, Frame, RoiResult, StreamClock, utc
+from lumpwatch.service.detection import CameraPipeline, make_plane, make_profile, make_region
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.monitor.proof.path import Way, greys_of, make_way, reached_lip
+from lumpwatch.service.protocol import (
+    BlendPlan,
+    LumpAt,
+    Outcome,
+    ProofReason,
+    ProofResult,
+    alarm_event,
+    place_at,
+)
+from lumpwatch.service.storage import Prior
+
+log = logging.getLogger(__name__)
+
+_OVERSIZE = 1.5
+"""Diameter of the lump over the limit of a calibrated ROI."""
+_AFTER_S = 1.0
+_TAKE_S = 0.25
+_DRAW_S = 10.0
+"""For the camera's process to draw the lump before the first frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What the test may know of the chain that watches the belt."""
+
+    size: Callable[[], tuple[int, int] | None]
+    """Width and height of the pictures."""
+    prior: Callable[[str], Prior | None]
+    decision: Callable[[str], Decision]
+    stopped: Callable[[], bool]
+
+
+class _Ended(Exception):  # noqa: N818 - an end is no error
+    """The test is over before the lump is."""
+
+    def __init__(self, outcome: Outcome, reason: ProofReason) -> None:
+        super().__init__(reason.value)
+        self.outcome = outcome
+        self.reason = reason
+
+
+class ProofTest:
+    """Tests the ROIs of one camera, one at a time; `run` blocks its thread until the lump has passed."""
+
+    def __init__(self, site: str, camera: CameraConfig, bus: Bus, watched: Site) -> None:
+        self._site = site
+        self._camera = camera
+        self._bus = bus
+        self._watched = watched
+        self._keys = Keys(site)
+        self._alarms = {
+            roi.id: bus.alarm_publisher(self._keys.test(camera.id, roi.id)) for roi in camera.rois
+        }
+        self._sequence = 0
+
+    def run(self, roi_id: str, actor: str) -> ProofResult:
+        """Test one ROI; raises BusClosed when the bus is closed meanwhile, KeyError for another ROI."""
+        roi = self._camera.roi(roi_id)
+        prior = self._watched.prior(roi_id)
+        result = ProofResult(
+            site=self._site,
+            camera=self._camera.id,
+            roi=roi_id,
+            time=utc(time.time()),
+            outcome=Outcome.FAILED,
+            prior=prior.version if prior else 0,
+            actor=actor,
+        )
+        passage = _Passage(roi)
+        try:
+            self._pass(roi, prior, passage)
+        except _Ended as end:
+            passage.outcome, passage.reason = end.outcome, end.reason
+        except (LumpwatchError, ValueError) as error:
+            log.error("%s/%s: proof test: %s", self._camera.id, roi_id, error)  # noqa: TRY400 - it says it all
+            passage.outcome, passage.reason = Outcome.FAILED, ProofReason.ERROR
+        return result.model_copy(
+            update={
+                "time": _now(),
+                "outcome": passage.outcome,
+                "reason": passage.reason,
+                "warning_s": None if passage.warning_s is None else round(passage.warning_s, 2),
+                "existence": round(passage.existence, 6),
+            }
+        )
+
+    def _pass(self, roi: RoiConfig, prior: Prior | None, passage: _Passage) -> None:
+        """Let the lump pass through the test chain."""
+        self._check(roi.id)
+        size = self._watched.size()
+        if size is None:
+            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND)
+        way = self._way(roi, prior, size)
+        lasts_s = way.path[-1].t_s + _AFTER_S
+        plan = BlendPlan(
+            roi=roi.id,
+            path=way.path,
+            lasts_s=lasts_s,
+            greys=greys_of(prior.learned if prior else None),
+            seed=int(time.time()) % 2**31,
+        )
+        alone = self._camera.model_copy(update={"rois": (roi,)})
+        pipeline = CameraPipeline(alone, {roi.id: prior})
+        inbox = self._bus.frame_inbox(self._keys.test_frame(self._camera.id))
+        try:
+            self._ask(plan)
+            clock, began_s, heard_s = StreamClock(), None, time.monotonic()
+            while began_s is None or passage.seen_s - began_s < way.path[-1].t_s:
+                self._check(roi.id)
+                frame = inbox.take(_TAKE_S)
+                now = time.monotonic()
+                if frame is None:
+                    if now - heard_s > self._camera.blind_after_s:
+                        raise _Ended(Outcome.FAILED, ProofReason.NO_FRAMES)
+                    continue
+                if not inbox.same_clock:
+                    frame = _translated(frame, clock, now)
+                heard_s, passage.seen_s = now, frame.capture_s
+                began_s = frame.capture_s if began_s is None else began_s
+                for result in pipeline.process(frame, now):
+                    self._tell(result)
+                    passage.take(result, frame, way, frame.capture_s - began_s, size, time.monotonic())
+                if passage.outcome is Outcome.PASSED:
+                    return  # the camera's process sends a few more frames, to nobody
+        finally:
+            inbox.close()
+
+    def _check(self, roi: str) -> None:
+        if self._watched.stopped():
+            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.STOPPED)
+        decision = self._watched.decision(roi)
+        if decision is not Decision.CLEAR:
+            blind = decision is Decision.BLIND
+            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND if blind else ProofReason.DISTURBED)
+
+    def _way(self, roi: RoiConfig, prior: Prior | None, size: tuple[int, int]) -> Way:
+        geometry = make_region(roi, *size)
+        learned = prior.learned if prior else None
+        profile = make_profile(roi.detector.size_h, learned, geometry)
+        settle_s = roi.proof_test.settle_s
+        if roi.calibration is None:
+            return make_way(geometry, profile, size, settle_s)
+        plane, limit_mm = make_plane(roi.calibration, *size), roi.calibration.limit_mm
+
+        def width(x: float, y: float) -> float | None:
+            if limit_mm is None:
+                return None
+            side = float(side_of(plane, np.array([[x, y]]), _OVERSIZE * limit_mm)[0])
+            return side if np.isfinite(side) else None
+
+        return make_way(geometry, profile, size, settle_s, width, lambda box: reached_lip(plane, box))
+
+    def _ask(self, plan: BlendPlan) -> None:
+        replies = self._bus.ask(self._keys.blend(self._camera.id), payload=plan.line(), timeout_s=_DRAW_S)
+        if any(reply.payload is not None for reply in replies):
+            return
+        told = replies[0].error if replies else "nobody answers"
+        log.error("%s: proof test: the camera's process: %s", self._camera.id, told)
+        raise _Ended(Outcome.FAILED, ProofReason.NO_CAMERA)
+
+    def _tell(self, result: RoiResult) -> None:
+        """The alarms of the test chain, on the test key."""
+        for change in result.changes:
+            if change.alarm_class is not AlarmClass.LUMP:
+                continue
+            self._sequence += 1
+            clocks = Clocks(time.monotonic(), time.time())
+            record = alarm_event(
+                result, change, self._site, self._camera.id, self._sequence, clocks, test=True
+            )
+            self._alarms[result.roi].put(record.line())
+
+
+class _Passage:
+    """What the test chain has said while the lump passed."""
+
+    def __init__(self, roi: RoiConfig) -> None:
+        self._least_s = roi.proof_test.least_warning_s
+        self.outcome = Outcome.FAILED
+        self.reason: ProofReason | None = ProofReason.NOT_DETECTED
+        self.warning_s: float | None = None
+        self.existence = 0.0
+        self.seen_s = 0.0
+
+    def take(
+        self, result: RoiResult, frame: Frame, way: Way, t_s: float, size: tuple[int, int], now_s: float
+    ) -> None:
+        """A frame was judged at `now_s`; the lump is `t_s` on its way. Raises _Ended."""
+        place = place_at(way.path, t_s)
+        if place is not None:
+            self.existence = max(self.existence, result.existence)
+        transition = result.transition
+        if self.warning_s is not None or transition is None or transition.change is not Change.RAISED:
+            return
+        if place is None or not overlaps(result, place, size):
+            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.DISTURBED)
+        self.warning_s = way.arrives_s - t_s - (now_s - frame.capture_s)
+        passed = self.warning_s >= self._least_s and self.warning_s > 0.0
+        self.outcome = Outcome.PASSED if passed else Outcome.FAILED
+        self.reason = None if passed else ProofReason.TOO_LATE
+
+
+def overlaps(result: RoiResult, place: LumpAt, size: tuple[int, int]) -> bool:
+    """Whether an object of the result lies on the lump, in pictures of `size`."""
+    x, y, w, h = place.x * size[0], place.y * size[1], place.w * size[0], place.h * size[1]
+    found = result.detection.objects if result.detection is not None else ()
+    return any(
+        abs(one.x + one.w / 2 - x) < (w + one.w) / 2 and abs(one.y + one.h / 2 - y) < (h + one.h) / 2
+        for one in found
+    )
+
+
+def _translated(frame: Frame, clock: StreamClock, arrived_s: float) -> Frame:
+    """A frame of another host, with its times on this one's clock."""
+    received = clock.stamp(frame.received_s, arrived_s).capture_s
+    return replace(frame, received_s=received, capture_s=received - (frame.received_s - frame.capture_s))
+
+
+def _now() -> datetime:
+    return utc(time.time())

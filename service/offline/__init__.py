@@ -1,0 +1,68 @@
+"""Work on recordings and logs: replay, overlay, backtest, the report of a shift, and plots."""
+
+from lumpwatch.service.offline.backtest.archive import archive, boxes_of, short_names
+from lumpwatch.service.offline.backtest.curve import Point, Terms
+from lumpwatch.service.offline.backtest.plots import draw_backtest
+from lumpwatch.service.offline.backtest.record import Setup
+from lumpwatch.service.offline.backtest.report import write_backtest
+from lumpwatch.service.offline.backtest.run import Backtest, Result, backtest
+from lumpwatch.service.offline.evidence_replay import load_camera, replay_evidence
+from lumpwatch.service.offline.html import (
+    html_figure,
+    html_items,
+    html_page,
+    html_paragraph,
+    html_photo,
+    html_picture,
+    html_section,
+    html_table,
+    html_text,
+)
+from lumpwatch.service.offline.overlay import OverlayVideo
+from lumpwatch.service.offline.plots import ExistenceCurves, PlotError, draw_prior, new_figure
+from lumpwatch.service.offline.replay import ReplayError, Summary, Watcher, replay
+from lumpwatch.service.offline.shadow_replay import ReplayShadow
+from lumpwatch.service.offline.shift.figures import Figures, shift_figures
+from lumpwatch.service.offline.shift.page import shift_page
+from lumpwatch.service.offline.shift.record import read_shift
+from lumpwatch.service.offline.shift.window import report_window
+
+__all__ = [
+    "Backtest",
+    "ExistenceCurves",
+    "Figures",
+    "OverlayVideo",
+    "PlotError",
+    "Point",
+    "ReplayError",
+    "ReplayShadow",
+    "Result",
+    "Setup",
+    "Summary",
+    "Terms",
+    "Watcher",
+    "archive",
+    "backtest",
+    "boxes_of",
+    "draw_backtest",
+    "draw_prior",
+    "html_figure",
+    "html_items",
+    "html_page",
+    "html_paragraph",
+    "html_photo",
+    "html_picture",
+    "html_section",
+    "html_table",
+    "html_text",
+    "load_camera",
+    "new_figure",
+    "read_shift",
+    "replay",
+    "replay_evidence",
+    "report_window",
+    "shift_figures",
+    "shift_page",
+    "short_names",
+    "write_backtest",
+]

@@ -1,0 +1,172 @@
+"""The figures of a shift, as plain data for JSON.
+
+Availability is the share of the shift in which a ROI could see. What nobody watched (the daemon was
+down) is unknown, and counts as not seen. Precision is true / (true + false) over the judged alarms, with
+the exact interval of Clopper and Pearson. Rates are held against EEMUA 191: for one operator, in the
+steady state, at most one alarm in ten minutes is very likely acceptable, and more than ten in ten
+minutes are a flood.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from statistics import median
+from typing import Any
+
+from lumpwatch.service.offline.backtest.intervals import binomial_interval
+from lumpwatch.service.offline.shift.record import AlarmStory, RoiRecord
+from lumpwatch.service.offline.shift.window import Window
+from lumpwatch.service.storage import Says, Span
+
+Figures = dict[str, Any]
+
+TEN_MINUTES_S = 600.0
+FLOOD = 10
+_BANDS = (
+    (1.0, "very likely acceptable"),
+    (2.0, "manageable"),
+    (10.0, "likely to be over-demanding"),
+    (math.inf, "very likely unacceptable"),
+)
+"""Alarms in ten minutes, long-term average for one operator, up to which EEMUA 191 finds so."""
+
+
+def shift_figures(site: str, window: Window, records: Sequence[RoiRecord], generated_s: float) -> Figures:
+    """Everything that the report says."""
+    alarms = sorted((one for record in records for one in record.alarms), key=lambda one: one.raised.time_s)
+    return {
+        "site": site,
+        "shift": {
+            "name": window.name,
+            "begin": _iso(window.begin_s),
+            "end": _iso(window.end_s),
+            "hours": round(window.lasts_s / 3600, 4),
+        },
+        "generated": _iso(generated_s),
+        "total": _of_alarms(alarms, window)
+        | {
+            "held": sum(record.held for record in records),
+            "blind_alarms": sum(record.blind_alarms for record in records),
+        },
+        "rates": _rates(records, window),
+        "rois": [_of_roi(record, window) for record in records],
+        "alarms": [_told(one) for one in alarms],
+    }
+
+
+def _of_roi(record: RoiRecord, window: Window) -> Figures:
+    seen_s, blind_s = watched(record.spans, window)
+    known_s = seen_s + sum(blind_s.values())
+    return {
+        "camera": record.place[0],
+        "roi": record.place[1],
+        **_of_alarms(record.alarms, window),
+        "held": record.held,
+        "blind_alarms": record.blind_alarms,
+        "availability": round(min(seen_s / window.lasts_s, 1.0), 6),
+        "blind_minutes": {reason: round(time_s / 60, 3) for reason, time_s in sorted(blind_s.items())},
+        "unknown_minutes": round(max(window.lasts_s - known_s, 0.0) / 60, 3),
+    }
+
+
+def _of_alarms(alarms: Sequence[AlarmStory], window: Window) -> Figures:
+    said = Counter(None if one.verdict is None else one.verdict.says for one in alarms)
+    true, judged = said[Says.TRUE], said[Says.TRUE] + said[Says.FALSE]
+    acknowledged = [one.acknowledged_after_s for one in alarms]
+    return {
+        "lumps": len(alarms),
+        "alarms_per_hour": round(len(alarms) / (window.lasts_s / 3600), 4),
+        "longest_mm": _spread(one.number("longest_mm") for one in alarms),
+        "warning_s": _spread((one.number("lip_s") for one in alarms), worst=min),
+        "acknowledge_s": _spread(acknowledged),
+        "unacknowledged": sum(one is None for one in acknowledged),
+        "verdicts": {says.value: said[says] for says in Says} | {"none": said[None]},
+        "precision": round(true / judged, 6) if judged else None,
+        "precision_interval": [round(end, 6) for end in binomial_interval(true, judged)],
+    }
+
+
+def watched(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, float]]:
+    """Seconds seen, and blind by reason, within a window.
+
+    A span that reaches over the edge counts in proportion. Where spans overlap (the wall clock was put
+    back), the time counts once: the earlier span has it.
+    """
+    seen_s, covered_s = 0.0, window.begin_s
+    blind_s: dict[str, float] = {}
+    for span in sorted(spans, key=lambda one: (one.begin_s, one.end_s)):
+        begin_s, end_s = max(span.begin_s, covered_s), min(span.end_s, window.end_s)
+        if end_s <= begin_s:
+            continue
+        share = (end_s - begin_s) / (span.end_s - span.begin_s)
+        seen_s += share * span.seen_s
+        for reason, time_s in span.blind_s.items():
+            blind_s[reason] = blind_s.get(reason, 0.0) + share * time_s
+        covered_s = end_s
+    return seen_s, blind_s
+
+
+def _rates(records: Sequence[RoiRecord], window: Window) -> Figures:
+    """What one operator hears of all ROIs, blind alarms apart."""
+    times = sorted(one.raised.time_s for record in records for one in record.alarms)
+    counts = in_ten_minutes(times, window)
+    mean = len(times) / max(window.lasts_s / TEN_MINUTES_S, 1e-9)
+    return {
+        "ten_minutes_mean": round(mean, 4),
+        "ten_minutes_peak": max(counts, default=0),
+        "flood_share": round(sum(count > FLOOD for count in counts) / max(len(counts), 1), 6),
+        "eemua_191": next(text for most, text in _BANDS if mean <= most),
+    }
+
+
+def in_ten_minutes(times: Iterable[float], window: Window) -> list[int]:
+    """Alarms in each ten minutes of the window, the last one perhaps shorter."""
+    counts = [0] * math.ceil(window.lasts_s / TEN_MINUTES_S)
+    for time_s in times:
+        counts[int((time_s - window.begin_s) // TEN_MINUTES_S)] += 1
+    return counts
+
+
+def _spread(values: Iterable[float | None], worst: Any = max) -> Figures:
+    """Number, median and worst of the known values."""
+    known = sorted(value for value in values if value is not None)
+    if not known:
+        return {"count": 0, "median": None, "worst": None, "values": []}
+    return {
+        "count": len(known),
+        "median": round(median(known), 3),
+        "worst": round(worst(known), 3),
+        "values": [round(value, 3) for value in known],
+    }
+
+
+def _told(one: AlarmStory) -> Figures:
+    raised, verdict = one.raised, one.verdict
+    return {
+        "time": _iso(raised.time_s),
+        "camera": raised.camera,
+        "roi": raised.roi,
+        "sequence": raised.sequence,
+        "id": raised.id,
+        "existence": raised.existence,
+        "longest_mm": one.number("longest_mm"),
+        "warning_s": one.number("lip_s"),
+        "acknowledged_s": _rounded(one.acknowledged_after_s),
+        "acknowledged_by": None if one.acknowledged is None else one.acknowledged.actor,
+        "lasted_s": _rounded(one.lasted_s),
+        "verdict": None if verdict is None else verdict.says.value,
+        "verdict_by": None if verdict is None else verdict.actor,
+        "note": None if verdict is None else verdict.note,
+        "evidence": one.evidence,
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+def _iso(time_s: float) -> str:
+    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="seconds")

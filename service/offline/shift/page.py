@@ -1,0 +1,179 @@
+"""The report of a shift as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import Any
+from zoneinfo import ZoneInfo
+
+from lumpwatch.service.offline.shift.figures import Figures
+from lumpwatch.service.offline.shift.plots import distributions, rates, timeline
+from lumpwatch.service.offline.shift.record import RoiRecord
+from lumpwatch.service.offline.shift.window import Window
+
+_STYLE = """
+:root { color-scheme: light; }
+body { font: 15px/1.45 system-ui, sans-serif; color: #1c2833; max-width: 1120px; margin: 2em auto; padding: 0 1em; }
+h1 { font-size: 1.5em; margin-bottom: 0; } h2 { font-size: 1.1em; margin: 1.8em 0 .4em; }
+.sub { color: #566573; margin-top: .2em; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 10px; margin: 1.2em 0; }
+.tile { border: 1px solid #d5d8dc; border-radius: 6px; padding: .6em .8em; }
+.tile b { display: block; font-size: 1.5em; } .tile span { color: #566573; font-size: .88em; }
+table { border-collapse: collapse; width: 100%; font-size: .92em; }
+th, td { text-align: left; padding: .3em .5em; border-bottom: 1px solid #e5e7e9; vertical-align: top; }
+th { color: #566573; font-weight: 600; } td.n, th.n { text-align: right; }
+img.plot { width: 100%; } img.still { max-width: 220px; border-radius: 4px; display: block; }
+.true { color: #1f7a33; } .false { color: #c0392b; } .bad { color: #c0392b; font-weight: 600; }
+@media print { .tile, tr { break-inside: avoid; } }
+"""
+
+
+def shift_page(
+    found: Figures,
+    records: Sequence[RoiRecord],
+    window: Window,
+    zone: ZoneInfo,
+    stills: Mapping[tuple[str, str, str], bytes],
+) -> str:
+    """The page; `stills` are JPEGs by camera, ROI and evidence id. Raises PlotError without matplotlib."""
+    shift = found["shift"]
+    span = f"{_local(shift['begin'], zone)} to {_local(shift['end'], zone)} ({zone.key})"
+    title = f"{found['site']}: {window.name}"
+    parts = [
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{_text(title)}</title>",
+        f"<style>{_STYLE}</style></head><body>",
+        f"<h1>{_text(title)}</h1><p class='sub'>{_text(span)}, {shift['hours']:g} h; "
+        f"made {_text(_local(found['generated'], zone))}</p>",
+        _tiles(found),
+        "<h2>What each region saw</h2>",
+        _plot(timeline(records, window, zone), "timeline"),
+        _rois(found["rois"]),
+        "<h2>Sizes, warning and acknowledge times</h2>",
+        _plot(distributions(found), "distributions"),
+        "<h2>Alarm rate</h2>",
+        f"<p>On average {found['rates']['ten_minutes_mean']:.2f} alarms in ten minutes, at most "
+        f"{found['rates']['ten_minutes_peak']}: {_text(found['rates']['eemua_191'])} for one operator "
+        "(EEMUA 191).</p>",
+        _plot(rates(records, window, zone), "rates"),
+        f"<h2>Alarms ({len(found['alarms'])})</h2>",
+        _alarms(found["alarms"], zone, stills),
+        "<p class='sub'>Availability is the share of the shift in which a region could see; time in which "
+        "nobody watched counts as not seen. Precision is true / (true + false) over the judged alarms, with "
+        "the exact 95 % interval of Clopper and Pearson. Times to acknowledge include those after the shift."
+        "</p></body></html>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _tiles(found: Figures) -> str:
+    total, rois = found["total"], found["rois"]
+    worst = min((one["availability"] for one in rois), default=None)
+    blind = sum(sum(one["blind_minutes"].values()) for one in rois)
+    unknown = sum(one["unknown_minutes"] for one in rois)
+    low, high = total["precision_interval"]
+    precision = "-" if total["precision"] is None else f"{100 * total['precision']:.0f} %"
+    judged = total["verdicts"]["true"] + total["verdicts"]["false"]
+    tiles = [
+        (str(total["lumps"]), "lumps announced"),
+        (_number(total["longest_mm"]["worst"], " mm"), "largest"),
+        (_number(total["warning_s"]["median"], " s"), "median warning before the lip"),
+        (_number(total["acknowledge_s"]["median"], " s"), "median time to acknowledge"),
+        (str(total["unacknowledged"]), "not acknowledged"),
+        (precision, f"precision, {judged} judged ({100 * low:.0f} to {100 * high:.0f} %)"),
+        (_percent(worst), "availability of the worst region"),
+        (f"{blind:.1f} min", f"blind, and {unknown:.1f} min not watched, all regions"),
+        (f"{total['alarms_per_hour']:.2f}", "alarms an hour"),
+    ]
+    cells = [
+        f"<div class='tile'><b>{_text(value)}</b><span>{_text(name)}</span></div>" for value, name in tiles
+    ]
+    return f"<div class='tiles'>{''.join(cells)}</div>"
+
+
+def _rois(rois: Sequence[Figures]) -> str:
+    heads = ("region", "lumps", "while held", "precision", "available", "blind (min)", "not watched (min)")
+    rows = []
+    for one in rois:
+        low, high = one["precision_interval"]
+        precision = "not judged"
+        if one["precision"] is not None:
+            precision = f"{100 * one['precision']:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+        blind = (
+            ", ".join(f"{reason} {minutes:.1f}" for reason, minutes in one["blind_minutes"].items()) or "0"
+        )
+        rows.append(
+            (
+                f"{one['camera']}/{one['roi']}",
+                str(one["lumps"]),
+                str(one["held"]),
+                precision,
+                _percent(one["availability"]),
+                blind,
+                f"{one['unknown_minutes']:.1f}",
+            )
+        )
+    return _table(heads, [[_text(cell) for cell in row] for row in rows])
+
+
+def _alarms(alarms: Sequence[Figures], zone: ZoneInfo, stills: Mapping[tuple[str, str, str], bytes]) -> str:
+    heads = ("time", "region", "no.", "size", "warning", "acknowledged", "lasted", "verdict", "")
+    rows = []
+    for one in alarms:
+        acknowledged = "<span class='bad'>no</span>"
+        if one["acknowledged_s"] is not None:
+            by = _text(one["acknowledged_by"] or "")
+            acknowledged = f"{_text(_number(one['acknowledged_s'], ' s'))}<br>{by}"
+        verdict = "not judged"
+        if one["verdict"]:
+            note = f": {_text(one['note'])}" if one["note"] else ""
+            says = _text(one["verdict"])
+            verdict = f"<span class='{says}'>{says}</span> ({_text(one['verdict_by'])}){note}"
+        still = stills.get((one["camera"], one["roi"], one["id"]))
+        picture = ""
+        if still is not None:
+            coded = base64.b64encode(still).decode()
+            picture = f"<img class='still' alt='still' src='data:image/jpeg;base64,{coded}'>"
+        rows.append(
+            [
+                _text(_local(one["time"], zone)),
+                _text(f"{one['camera']}/{one['roi']}"),
+                str(one["sequence"]),
+                _text(_number(one["longest_mm"], " mm")),
+                _text(_number(one["warning_s"], " s")),
+                acknowledged,
+                _text(_number(one["lasted_s"], " s")),
+                verdict,
+                picture,
+            ]
+        )
+    return _table(heads, rows) if rows else "<p>None.</p>"
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{_text(one)}</th>" for one in heads)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _plot(svg: str, name: str) -> str:
+    coded = base64.b64encode(svg.encode()).decode()
+    return f"<img class='plot' alt='{name}' src='data:image/svg+xml;base64,{coded}'>"
+
+
+def _local(iso: str, zone: ZoneInfo) -> str:
+    return f"{datetime.fromisoformat(iso).astimezone(zone):%Y-%m-%d %H:%M:%S}"
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "-" if value is None else f"{value:.1f}".removesuffix(".0") + unit
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.2f} %"
+
+
+def _text(value: Any) -> str:
+    return html.escape(str(value))

@@ -1,0 +1,133 @@
+"""What the event logs hold of a shift, put together alarm by alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from lumpwatch.service.config import SiteConfig
+from lumpwatch.service.core import AlarmClass, Change
+from lumpwatch.service.offline.shift.window import Window
+from lumpwatch.service.storage import (
+    Event,
+    Span,
+    Verdict,
+    event_file,
+    latest_verdicts,
+    read_events,
+    reading,
+    watched_spans,
+)
+
+Place = tuple[str, str]
+"""Camera and ROI."""
+
+
+@dataclass(slots=True)
+class AlarmStory:
+    """An alarm from its raising on."""
+
+    raised: Event
+    acknowledged: Event | None = None
+    cleared: Event | None = None
+    verdict: Verdict | None = None
+
+    def number(self, name: str) -> float | None:
+        """A detail as it was known last: sizes when it was cleared, else when it was raised."""
+        later = self.cleared.details.get(name) if self.cleared is not None and name != "lip_s" else None
+        value = self.raised.details.get(name) if later is None else later
+        return float(value) if isinstance(value, int | float) else None
+
+    @property
+    def acknowledged_after_s(self) -> float | None:
+        """Seconds from raising to acknowledgement; None: nobody has."""
+        return _between(self.raised, self.acknowledged)
+
+    @property
+    def lasted_s(self) -> float | None:
+        """Seconds until the condition was over; None: it is not."""
+        return _between(self.raised, self.cleared)
+
+    @property
+    def evidence(self) -> str | None:
+        """Id of its evidence."""
+        found = self.raised.details.get("evidence")
+        return found if isinstance(found, str) else None
+
+
+@dataclass(slots=True)
+class RoiRecord:
+    """What a shift holds of one ROI."""
+
+    place: Place
+    alarms: list[AlarmStory] = field(default_factory=list)
+    """Of class lump, raised in the shift."""
+    blind_alarms: int = 0
+    """Raised in the shift."""
+    held: int = 0
+    """Lumps that came while the alarm was shelved, suppressed or out of service."""
+    spans: list[Span] = field(default_factory=list)
+
+
+def read_shift(config: SiteConfig, window: Window) -> list[RoiRecord]:
+    """All ROIs of the configuration, in its order. Raises EventLogError."""
+    records = []
+    for camera in config.cameras:
+        path = event_file(config.store.path, camera.id)
+        events: list[Event] = []
+        watched: list[Span] = []
+        verdicts: dict[tuple[str, str], Verdict] = {}
+        if path.is_file():
+            events = list(read_events(path, window.begin_s))
+            with reading(path) as db:
+                watched = list(watched_spans(db, window.begin_s, window.end_s))
+                verdicts = latest_verdicts(db)
+        for roi in camera.rois:
+            own = [one for one in events if one.roi == roi.id]
+            record = roi_record((camera.id, roi.id), own, window, verdicts)
+            record.spans = [one for one in watched if one.roi == roi.id]
+            records.append(record)
+    return records
+
+
+def roi_record(
+    place: Place, events: Sequence[Event], window: Window, verdicts: dict[tuple[str, str], Verdict]
+) -> RoiRecord:
+    """From the events of a ROI, those after the shift included: an alarm may be acknowledged later."""
+    record = RoiRecord(place)
+    in_shift = [one for one in events if window.begin_s <= one.time_s < window.end_s]
+    raised = Change.RAISED.value
+    record.blind_alarms = sum(
+        one.change == raised and one.alarm_class is AlarmClass.BLIND for one in in_shift
+    )
+    record.held = sum(
+        one.change == Change.ACTIVE.value and one.alarm_class is AlarmClass.LUMP for one in in_shift
+    )
+    stories = _stories(one for one in events if one.alarm_class is AlarmClass.LUMP)
+    for story in stories:
+        story.verdict = verdicts.get((place[1], story.raised.id))
+    record.alarms = [one for one in stories if window.begin_s <= one.raised.time_s < window.end_s]
+    return record
+
+
+def _stories(events: Iterable[Event]) -> list[AlarmStory]:
+    stories: list[AlarmStory] = []
+    for event in events:
+        if event.change == Change.RAISED.value:
+            stories.append(AlarmStory(event))
+        elif stories:
+            last = stories[-1]
+            if event.change == Change.ACKNOWLEDGED.value and last.acknowledged is None:
+                last.acknowledged = event
+            elif event.change in (Change.CLEARED.value, Change.INACTIVE.value) and last.cleared is None:
+                last.cleared = event
+    return stories
+
+
+def _between(first: Event, then: Event | None) -> float | None:
+    """By the monotonic clock where both were told by the same one: the wall clock may be stepped."""
+    if then is None:
+        return None
+    if first.clock == then.clock:
+        return then.monotonic_s - first.monotonic_s
+    return max(0.0, then.time_s - first.time_s)

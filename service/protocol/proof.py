@@ -1,0 +1,124 @@
+"""What a proof test says on the bus."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from enum import StrEnum
+from itertools import pairwise
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from lumpwatch.service.protocol.messages import Record
+
+
+class Outcome(StrEnum):
+    """How a proof test ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    INCONCLUSIVE = "inconclusive"
+    """It could not be judged, which says nothing of the chain; it is tried again."""
+
+
+class ProofReason(StrEnum):
+    """Why a proof test did not pass."""
+
+    NOT_DETECTED = "not_detected"
+    """No alarm came before the lump had left."""
+    TOO_LATE = "too_late"
+    """The alarm left less warning than asked for."""
+    NO_CAMERA = "no_camera"
+    """The camera's process does not answer."""
+    NO_FRAMES = "no_frames"
+    """No frames with the lump came from the camera's process."""
+    ERROR = "error"
+    """The test filter failed; the log says why."""
+    DISTURBED = "disturbed"
+    """The alarm was not that of the synthetic lump, or the ROI itself was not CLEAR (inconclusive)."""
+    BLIND = "blind"
+    """The ROI could not judge (inconclusive)."""
+    STOPPED = "stopped"
+    """The daemon was stopped (inconclusive)."""
+
+
+class ProofRequest(Record):
+    """Ask for a proof test; the reply comes when it has ended."""
+
+    actor: str = Field(default="", max_length=128)
+    """Who asks; empty: the schedule."""
+
+
+class ProofResult(Record):
+    """What a proof test showed."""
+
+    site: str
+    """Site id."""
+    camera: str
+    """Camera id."""
+    roi: str
+    """ROI id."""
+    time: datetime
+    """When it ended (UTC)."""
+    outcome: Outcome
+    """Passed, failed or inconclusive."""
+    reason: ProofReason | None = None
+    """Why it did not pass."""
+    warning_s: float | None = None
+    """Seconds from the alarm until the lump would have reached the lip, or where there is no calibration
+    the end of the ROI; null: no alarm."""
+    existence: float = 0.0
+    """The highest probability of a lump while it was in the picture."""
+    prior: int = 0
+    """Version of the prior in use."""
+    actor: str = ""
+    """Who asked; empty: the schedule."""
+
+
+_Share = Annotated[float, Field(ge=-1.0, le=2.0, allow_inf_nan=False)]
+_Side = Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
+_Grey = Annotated[float, Field(ge=0.0, le=255.0)]
+
+
+class LumpAt(Record):
+    """Where the synthetic lump is at one moment; shares of the picture's width and height."""
+
+    t_s: float = Field(ge=0.0, le=600.0)
+    """Seconds since the first frame of the test."""
+    x: _Share
+    """Its centre."""
+    y: _Share
+    """Its centre."""
+    w: _Side
+    """Width of its box."""
+    h: _Side
+    """Height of its box."""
+
+
+class BlendPlan(Record):
+    """Asks the camera's process for frames with a synthetic lump, beside the others; a new plan ends the old."""
+
+    roi: str
+    """ROI that is tested."""
+    path: Annotated[tuple[LumpAt, ...], Field(min_length=2, max_length=2000)]
+    """The way of the lump, by rising time; there is none before the first moment, nor after the last."""
+    lasts_s: float = Field(gt=0.0, le=600.0)
+    """For how long frames are sent."""
+    greys: Annotated[tuple[_Grey, ...], Field(min_length=2, max_length=256)] | None = None
+    """Quantiles of the lump's brightness from dark to bright; null: somewhat brighter than its surroundings."""
+    seed: int = Field(default=1, ge=0, lt=2**31)
+    """Of its shape and grain."""
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        times = [at.t_s for at in self.path]
+        if any(b <= a for a, b in pairwise(times)):
+            raise ValueError("path: the times do not rise")
+        return self
+
+
+class BlendReply(Record):
+    """The camera's process will send the frames."""
+
+    accepted: bool
+    """Always true; what is not accepted gets an error."""

@@ -1,0 +1,138 @@
+"""The daemon: the hub of the bus, one process a camera, one a monitor, metrics and health.
+
+    camera process --frames--> bus --frames--> monitor process --states, alarms--> bus
+
+Camera and monitor share nothing but the bus. The daemon watches both kinds of process, kills the
+stuck, starts the dead again, and judges its own health by whether every ROI has decided lately.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from prometheus_client import CollectorRegistry
+
+from lumpwatch.service.bus import Keys, open_client, open_hub
+from lumpwatch.service.capture import run_camera
+from lumpwatch.service.config import BusConfig, CameraConfig, SiteConfig
+from lumpwatch.service.monitor import run_monitor
+from lumpwatch.service.runtime.supervisor import Supervisor, Task
+from lumpwatch.service.telemetry import DaemonMetrics, Relay, TelemetryServer
+
+log = logging.getLogger(__name__)
+
+WATCH_EVERY_S = 0.1
+MONITOR_STUCK_S = 10.0
+_WATCH_LATE_S = 5.0
+# Frames are small and many: one thread a process, or the processes fight for the cores.
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True)
+class Addresses:
+    """Where the running daemon can be reached."""
+
+    bus: tuple[str, ...]
+    telemetry: str
+
+
+class DaemonHealth:
+    """Health as `/livez`, `/readyz` and `/startupz` report it."""
+
+    def __init__(self, config: SiteConfig, supervisor: Supervisor) -> None:
+        self._config = config
+        self._supervisor = supervisor
+        self._started = False
+        self.watched_s = time.monotonic()
+        """When the daemon last looked at its workers."""
+
+    def live(self) -> list[str]:
+        """The watching loop turns."""
+        late = time.monotonic() - self.watched_s
+        return [f"workers were not watched for {late:.0f} s"] if late > _WATCH_LATE_S else []
+
+    def ready(self) -> list[str]:
+        """Every ROI has decided within its camera's `blind_after_s`."""
+        return [
+            problem
+            for camera in self._config.cameras
+            for roi in camera.rois
+            if (problem := self._problem(camera, roi.id))
+        ]
+
+    def started(self) -> list[str]:
+        """Every ROI has decided once since the start."""
+        if not self._started:
+            missing = self.ready()
+            self._started = not missing
+            return missing
+        return []
+
+    def _problem(self, camera: CameraConfig, roi: str) -> str | None:
+        report = self._supervisor.reports().get(("monitor", camera.id))
+        decided = report.decided.get(roi) if report is not None else None
+        if decided is None:
+            return f"{camera.id}/{roi}: has not decided yet"
+        ago = time.monotonic() - decided
+        return f"{camera.id}/{roi}: last decided {ago:.1f} s ago" if ago > camera.blind_after_s else None
+
+
+def run(
+    config: SiteConfig,
+    stop: threading.Event,
+    cameras: Sequence[str] = (),
+    roles: Sequence[str] = ("camera", "monitor"),
+    on_ready: Callable[[Addresses], None] = lambda _: None,
+) -> None:
+    """Run until `stop` is set, then stop every process within some 5 s.
+
+    `cameras` limits the daemon to some cameras and `roles` to one kind of process, for a fleet in
+    which each runs elsewhere. Raises BusError and TelemetryError where an address cannot be used.
+    """
+    for name in _ONE_THREAD:
+        os.environ.setdefault(name, "1")
+    registry = CollectorRegistry()
+    relay = Relay()
+    registry.register(relay)
+    metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path)
+    with contextlib.ExitStack() as stack:
+        hub = open_hub(config.bus) if config.bus.mode == "router" else open_client(config.bus, stop)
+        stack.callback(hub.close)
+        inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
+        chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
+        tasks = [task for camera in chosen for task in _tasks(inner, camera) if task.role in roles]
+        for task in tasks:
+            metrics.watched(task.camera, task.role)
+        supervisor = Supervisor(tasks, relay, metrics.restarted)
+        watched = config.model_copy(update={"cameras": tuple(chosen) if "monitor" in roles else ()})
+        health = DaemonHealth(watched, supervisor)
+        server = stack.enter_context(TelemetryServer(config.telemetry.address, registry, health))
+        hub.alive(Keys(config.site).alive("daemon", config.site))
+        stack.callback(supervisor.stop)
+        on_ready(Addresses(hub.endpoints, server.url))
+        while not stop.is_set():
+            supervisor.watch()
+            health.watched_s = time.monotonic()
+            stop.wait(WATCH_EVERY_S)
+        log.info("stopping")
+
+
+def _as_client(bus: BusConfig, endpoints: tuple[str, ...]) -> BusConfig:
+    """How the daemon's own processes join: as clients of its hub."""
+    return bus.model_copy(update={"mode": "client", "connect": endpoints, "listen": ()})
+
+
+def _tasks(config: SiteConfig, camera: CameraConfig) -> list[Task]:
+    # A connection may use up both of its time-outs without a beat, and twice as FFmpeg counts.
+    patience = 2 * (camera.source.open_timeout_s + camera.source.read_timeout_s) + 5.0
+    return [
+        Task(camera.id, "monitor", run_monitor, (config, camera.id), MONITOR_STUCK_S),
+        Task(camera.id, "camera", run_camera, (config, camera.id), patience),
+    ]

@@ -1,0 +1,136 @@
+"""The simulated feed: pictures of a crusher's belt, and the truth about the lumps in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lumpwatch.service.simulator.codec import ThinLink
+from lumpwatch.service.simulator.geometry import Geometry
+from lumpwatch.service.simulator.motion import BeltMotion
+from lumpwatch.service.simulator.scene import Scene
+from lumpwatch.service.simulator.site import Site
+from lumpwatch.service.simulator.spec import FeedSpec
+from lumpwatch.service.simulator.stock import Stock
+from lumpwatch.service.simulator.traffic import Rock, Traffic
+from lumpwatch.service.simulator.weather import Weather
+
+_SEEN, _SWALLOWED = 0.5, 0.4  # labels start and end at these shares of what is not buried
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """A lump in one picture.
+
+    x, y, w, h is the box of its visible part in pixels of the whole picture, x and y the upper left
+    edge. `visibility` is the share of the lump below the picture's upper border, above the rim of the
+    crusher and not buried; what lies in front of it is not counted. `size_mm` is the longest diameter of
+    the whole lump: in style a that of its outline, but for bodies (style b, the named kinds, lumps that
+    roll) that in space. `seconds_to_lip` is the time until its front edge is at the lip if the belt keeps
+    its speed; past the lip it is the negative time since then.
+    """
+
+    id: int
+    x: float
+    y: float
+    w: float
+    h: float
+    size_mm: float
+    on_belt: bool
+    model: Literal["belt", "fall"]
+    visibility: float
+    seconds_to_lip: float
+
+
+class FeedSimulator:
+    """Renders a feed frame by frame; frame i shows the moment i / fps."""
+
+    def __init__(self, spec: FeedSpec) -> None:
+        self.spec = spec
+        self.geometry = Geometry.of(spec)
+        self._belt = BeltMotion(spec)
+        site = Site(spec, self.geometry)
+        self._scene = Scene(spec, self.geometry, self._belt, site)
+        self._weather = Weather(spec, site.light(), self.geometry.lip_row)
+        stock = Stock(spec, self.geometry, site.view, self._scene.bed)
+        self._traffic = Traffic(spec, self.geometry, self._belt, stock)
+        self._tint = site.tint()
+        self._link = ThinLink(spec) if spec.h264_crf is not None else None
+        self._frame = 0
+
+    @property
+    def time_s(self) -> float:
+        """The moment that the next `render` shows, seconds from the start."""
+        return self._frame / self.spec.fps
+
+    @property
+    def homography(self) -> NDArray[np.float64]:
+        """3x3 matrix from the belt, (x, y, 1) in mm, to pixels; without the vibration."""
+        return self.geometry.homography
+
+    @property
+    def polygon(self) -> tuple[tuple[float, float], ...]:
+        """Outline of the belt and of the fall, relative to the picture (0..1): a region of interest."""
+        size = (self.spec.width, self.spec.height)
+        return tuple((float(u), float(v)) for u, v in np.clip(self.geometry.outline() / size, 0, 1).round(4))
+
+    def render(self) -> tuple[NDArray[np.uint8], tuple[Truth, ...]]:
+        """The next picture, uint8 (h, w) or (h, w, 3) BGR, and its lumps, farthest first."""
+        t = self.time_s
+        rocks = self._traffic.at(t)
+        dx, dy = self._weather.shift(t)
+        picture = self._scene.draw(t, rocks)
+        if dx or dy:
+            matrix = np.array([[1, 0, dx], [0, 1, dy]])
+            size = (self.spec.width, self.spec.height)
+            picture = np.asarray(
+                cv2.warpAffine(picture, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.uint8
+            )
+        picture = self._weather.apply(picture, t, self._frame)
+        if not self.spec.gray:
+            picture = np.asarray(cv2.LUT(cv2.merge((picture, picture, picture)), self._tint), np.uint8)
+        if self._link is not None:
+            picture = self._link.through(picture, self._frame)
+        truths = tuple(truth for r in rocks if r.id and (truth := self._truth(r, t, dx, dy)) is not None)
+        self._frame += 1
+        return picture, truths
+
+    def skip(self, frames: int = 1) -> None:
+        """Pass over pictures without drawing them; what follows is what would have followed.
+
+        With `h264_crf` that holds from the next full second on: until then another key frame is behind it.
+        """
+        self._frame += frames
+
+    def _truth(self, rock: Rock, t: float, dx: float, dy: float) -> Truth | None:
+        u, v, scale = self.geometry.project(rock.x, rock.y, rock.z)
+        size, shape = rock.size_mm * scale, rock.shape
+        # In units of the lump's diameter, from the middle of its box. The picture's upper border
+        # cuts after the vibration, the rim before it: the rim shakes with the lump.
+        top = max(-shape.half_height, (-v - dy) / size)
+        bottom = min(shape.half_height, (min(self.geometry.rim_row, self.spec.height - dy) - v) / size)
+        inside = shape.share_between(top, bottom) if bottom > top else 0.0
+        on_belt = rock.released_at is None
+        if inside < (_SEEN if on_belt and v < self.geometry.cv else _SWALLOWED):
+            return None
+        left, right = shape.extent_between(top, bottom)
+        x, w = u + dx + left * size, (right - left) * size
+        if x < 0 or x + w > self.spec.width:  # a camera that was knocked looks past the belt
+            x, w = max(x, 0.0), min(x + w, self.spec.width) - max(x, 0.0)
+        speed = (1 + rock.slip) * self._belt.running_speed(t)
+        return Truth(
+            id=rock.id,
+            x=x,
+            y=max(v + dy + top * size, 0.0),
+            w=w,
+            h=(bottom - top) * size,
+            size_mm=rock.size_mm,
+            on_belt=on_belt,
+            model="belt" if on_belt else "fall",
+            visibility=inside * shape.shown,
+            seconds_to_lip=(rock.release_y - rock.y) / speed if on_belt else -rock.fallen_s,
+        )

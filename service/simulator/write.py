@@ -1,0 +1,76 @@
+"""A simulated feed as files: the video, its labels, and what calibration needs to know."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from lumpwatch.service.core import VideoWriter
+from lumpwatch.service.simulator.feed import FeedSimulator, Truth
+from lumpwatch.service.simulator.spec import FeedSpec
+
+_CRF = 20
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenFeed:
+    """The files of `write_video`."""
+
+    video: Path
+    labels: Path
+    spec: Path
+
+
+def write_video(
+    spec: FeedSpec, seconds: float, out_dir: Path, progress: Callable[[int, int], None] | None = None
+) -> WrittenFeed:
+    """Render the feed into `video.mp4`, `gt.txt` and `spec.json` in `out_dir`, made when missing.
+
+    `gt.txt` is MOTChallenge text without a header, `frame,id,x,y,w,h,conf,class,visibility,model`:
+    frame from 1, box in pixels of the whole picture (0 is the left and upper border), conf and
+    class 1, visibility 0..1, and in the tenth column the model that moves the lump, `belt` or `fall`.
+    The video is H.264 of the quality `spec.h264_crf` (20 where it is none), coded once.
+    `progress` gets the number of frames done and to do. Raises ValueError where `seconds` holds no
+    frame, OSError where a file cannot be written.
+    """
+    frames = round(seconds * spec.fps)
+    if frames < 1:
+        raise ValueError(f"{seconds:g} s hold no frame at {spec.fps:g} frames a second")
+    out_dir.mkdir(parents=True, exist_ok=True)
+    paths = WrittenFeed(out_dir / "video.mp4", out_dir / "gt.txt", out_dir / "spec.json")
+    crf = _CRF if spec.h264_crf is None else spec.h264_crf
+    simulator = FeedSimulator(spec.model_copy(update={"h264_crf": None}))
+    lumps: dict[int, dict[str, object]] = {}
+    with (
+        VideoWriter(paths.video, spec.width, spec.height, spec.fps, crf=crf) as video,
+        paths.labels.open("w", encoding="ascii") as labels,
+    ):
+        for frame in range(1, frames + 1):
+            picture, truths = simulator.render()
+            video.write(picture)
+            for truth in sorted(truths, key=lambda truth: truth.id):
+                labels.write(_line(frame, truth))
+                lump = lumps.setdefault(truth.id, {"size_mm": round(truth.size_mm, 1), "first_frame": frame})
+                lump["last_frame"] = frame
+                if not truth.on_belt:
+                    lump.setdefault("falls_frame", frame)
+            if progress is not None:
+                progress(frame, frames)
+    about = {
+        "spec": spec.model_dump(mode="json"),
+        "frames": frames,
+        "polygon": simulator.polygon,
+        "lip_row": simulator.geometry.lip_row,
+        "rim_row": simulator.geometry.rim_row,
+        "homography": simulator.homography.tolist(),
+        "lumps": {str(key): value for key, value in sorted(lumps.items())},
+    }
+    paths.spec.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    return paths
+
+
+def _line(frame: int, truth: Truth) -> str:
+    box = f"{truth.x:.2f},{truth.y:.2f},{truth.w:.2f},{truth.h:.2f}"
+    return f"{frame},{truth.id},{box},1,1,{truth.visibility:.3f},{truth.model}\n"

@@ -1,0 +1,80 @@
+"""What is kept on disk: atomic, checksummed, versioned."""
+
+from lumpwatch.service.storage.atomic import replace_file, write_new_file
+from lumpwatch.service.storage.event import Details, Event
+from lumpwatch.service.storage.event_log import (
+    Entry,
+    EventLogError,
+    alarm_of,
+    event_file,
+    read_events,
+    reading,
+)
+from lumpwatch.service.storage.event_log_writer import EventWriter, Retention
+from lumpwatch.service.storage.event_notes import (
+    Says,
+    Span,
+    Verdict,
+    latest_verdicts,
+    raised_alarm,
+    watched_spans,
+)
+from lumpwatch.service.storage.fit_arrays import known_lump
+from lumpwatch.service.storage.footage_archive import FootageArchive
+from lumpwatch.service.storage.label_file import (
+    Box,
+    LabelError,
+    check_frames,
+    ignored_frames,
+    is_proposal,
+    read_labels,
+)
+from lumpwatch.service.storage.prior_file import Prior, PriorError, PriorMeta, decode_prior, encode_prior
+from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
+from lumpwatch.service.storage.reference_store import Reference, ReferenceMeta, ReferenceStore
+from lumpwatch.service.storage.shadow_store import StateKeeper, read_state
+from lumpwatch.service.storage.versions import StoreError
+
+__all__ = [
+    "Box",
+    "Details",
+    "Entry",
+    "Event",
+    "EventLogError",
+    "EventWriter",
+    "FootageArchive",
+    "Found",
+    "LabelError",
+    "Prior",
+    "PriorError",
+    "PriorMeta",
+    "PriorStore",
+    "Reference",
+    "ReferenceMeta",
+    "ReferenceStore",
+    "Retention",
+    "Says",
+    "Span",
+    "StateKeeper",
+    "StoreError",
+    "Verdict",
+    "alarm_of",
+    "check_frames",
+    "check_owner",
+    "decode_prior",
+    "encode_prior",
+    "event_file",
+    "ignored_frames",
+    "is_proposal",
+    "known_lump",
+    "latest_verdicts",
+    "raised_alarm",
+    "read_events",
+    "read_file",
+    "read_labels",
+    "read_state",
+    "reading",
+    "replace_file",
+    "watched_spans",
+    "write_new_file",
+]

@@ -1,0 +1,276 @@
+"""The event log of one camera: every transition and every operator action, append-only, in SQLite.
+
+    <store>/events/<camera>.sqlite
+
+WAL with synchronous FULL: what `append` returned from is there after a power cut. Each row holds the
+alarm as it was after the event, so the last row of a ROI and class is the state to start with. Records
+lie in an outbox until they were published, so that none is lost between the disk and the bus. Triggers
+refuse to change or delete an event.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from lumpwatch.service.core import Alarm, AlarmClass, Hold
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.storage.event import Event
+from lumpwatch.service.storage.event_log_schema import FROM_VERSION_1, SCHEMA, VERSION
+from lumpwatch.service.storage.event_notes import Note
+from lumpwatch.service.storage.retention import prune
+
+_CORRUPT = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+_BUSY_S = 1.0
+_PAGES_AT_ONCE = 256
+"""Of 4 KiB, that are given back to the disk after a pruning: a long wait would hold up an alarm."""
+
+# Not part of the log: the last records as they went out, for who joins the bus after a restart.
+_RECORDS = """
+CREATE TABLE IF NOT EXISTS records (
+    roi TEXT NOT NULL, class TEXT NOT NULL, id TEXT NOT NULL,
+    publisher TEXT NOT NULL, number INTEGER NOT NULL, record BLOB NOT NULL, UNIQUE (roi, id)
+) STRICT;
+"""
+_PRUNE = """
+DELETE FROM records WHERE roi = :roi
+AND rowid NOT IN (SELECT rowid FROM records WHERE roi = :roi ORDER BY rowid DESC LIMIT :most)
+AND rowid NOT IN (SELECT max(rowid) FROM records WHERE roi = :roi GROUP BY class)
+"""
+RECORDS_KEPT = 64
+"""How many records of a ROI are kept; the last one of each class stays beyond that."""
+_COLUMNS = (
+    "time_s", "monotonic_s", "clock", "camera", "roi", "class", "change", "before", "after",
+    "actor", "reason", "existence", "frame", "id", "sequence", "alarm", "details",
+)  # fmt: skip
+# A commit whose success could not be told is tried again: the same event is still one row.
+_INSERT = (
+    f"INSERT INTO events ({', '.join(_COLUMNS)}) VALUES ({', '.join('?' * len(_COLUMNS))}) "
+    "ON CONFLICT (roi, id) DO NOTHING"
+)
+_SELECT = f"SELECT {', '.join(_COLUMNS)} FROM events"
+_SELECT_1 = f"SELECT {', '.join(_COLUMNS[:-1])}, NULL FROM events"
+"""Of a log that no daemon of this version has opened yet."""
+
+
+class EventLogError(LumpwatchError):
+    """The event log cannot be read; the text names the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An event with its record for the bus."""
+
+    event: Event
+    record: bytes
+    publisher: str = ""
+    """Name of the publisher that sends it."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptRecord:
+    """A record as it went out."""
+
+    roi: str
+    id: str
+    publisher: str
+    number: int
+    """Its sequence."""
+    record: bytes
+
+
+def event_file(store: Path, camera: str) -> Path:
+    """Where the event log of a camera lies."""
+    return store / "events" / f"{camera}.sqlite"
+
+
+def is_corrupt(error: Exception) -> bool:
+    """Whether the file itself is damaged, or is none of ours, and not only out of reach for now."""
+    code = getattr(error, "sqlite_errorcode", None)
+    return isinstance(error, _Foreign) or (code is not None and code & 0xFF in _CORRUPT)
+
+
+class _Foreign(sqlite3.DatabaseError):
+    """A database that is not an event log of this version."""
+
+
+class EventLog:
+    """An open event log; all methods raise sqlite3.Error, `__init__` also OSError."""
+
+    def __init__(self, path: Path, *, check: bool = True) -> None:
+        """Open the file, made where missing; `check` reads it all for damage first."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # One thread at a time uses it: the one that opens it, then the writer.
+        self._db = sqlite3.connect(path, timeout=_BUSY_S, isolation_level=None, check_same_thread=False)
+        try:
+            self._prepare(check=check)
+        except BaseException:
+            self._db.close()
+            raise
+
+    def _prepare(self, *, check: bool) -> None:
+        version = self._db.execute("PRAGMA user_version").fetchone()[0]
+        new = version == 0 and self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+        if version not in (1, VERSION) and not new:
+            raise _Foreign(f"is of version {version}, expected {VERSION}")
+        if new:
+            self._db.execute("PRAGMA auto_vacuum = INCREMENTAL")
+        self._db.execute("PRAGMA journal_mode = WAL")
+        self._db.execute("PRAGMA synchronous = FULL")
+        if check and (problem := self._db.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+            raise _Foreign(problem)
+        if new:
+            self._db.executescript(SCHEMA)
+        elif version == 1:
+            self._db.executescript(FROM_VERSION_1)
+            self._db.execute("PRAGMA auto_vacuum = INCREMENTAL")
+            self._db.execute("VACUUM")
+        self._db.execute(_RECORDS)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def append(self, entries: Collection[Entry]) -> None:
+        """Write events and their records, all or none; they are on the disk when this returns."""
+        with self._transaction():
+            for entry in entries:
+                self._db.execute(_INSERT, _row(entry.event))
+                self._db.execute(
+                    "INSERT INTO outbox VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
+                    (entry.event.roi, entry.event.id, entry.record),
+                )
+                self._db.execute(
+                    "INSERT INTO records VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+                    (
+                        entry.event.roi,
+                        entry.event.alarm_class.value,
+                        entry.event.id,
+                        entry.publisher,
+                        entry.event.sequence,
+                        entry.record,
+                    ),
+                )
+            for roi in {entry.event.roi for entry in entries}:
+                self._db.execute(_PRUNE, {"roi": roi, "most": RECORDS_KEPT})
+        # Nothing is kept in memory, so damage to the file shows with the next event, not the next start.
+        self._db.execute("PRAGMA shrink_memory")
+
+    def records(self) -> list[KeptRecord]:
+        """The last records of each ROI, oldest first."""
+        rows = self._db.execute("SELECT roi, id, publisher, number, record FROM records ORDER BY rowid")
+        return [KeptRecord(*row) for row in rows]
+
+    def copy(self, events: Iterable[Event]) -> None:
+        """Write events whose records were published long ago: those that a damaged file held."""
+        with self._transaction():
+            self._db.executemany(_INSERT, map(_row, events))
+
+    def published(self, sent: Iterable[tuple[str, str]]) -> None:
+        """The records of these (ROI, id) are on the bus."""
+        with self._transaction():
+            self._db.executemany("DELETE FROM outbox WHERE roi = ? AND id = ?", sent)
+
+    def add(self, notes: Iterable[Note]) -> None:
+        """Write spans of watching and verdicts, all or none; they are on the disk when this returns."""
+        with self._transaction():
+            for note in notes:
+                self._db.execute(note.INSERT, note.row())
+
+    def prune(self, before_s: float, most: int, at_once: int) -> int:
+        """Forget what is over, acknowledged and older, or too much; how many rows went. See `retention`."""
+        with self._transaction():
+            removed = prune(self._db, self.latest(), before_s, most, at_once)
+        # `execute` would give back a single page: it does not step through statements without rows.
+        self._db.executescript(f"PRAGMA incremental_vacuum({_PAGES_AT_ONCE})")
+        return removed
+
+    def unpublished(self) -> list[tuple[str, str, bytes]]:
+        """ROI, id and record of those that may not be on the bus, oldest first."""
+        return self._db.execute("SELECT roi, id, record FROM outbox ORDER BY rowid").fetchall()
+
+    def latest(self) -> list[Event]:
+        """The last event of each ROI and class."""
+        numbers = "SELECT max(number) FROM events GROUP BY roi, class"
+        rows = self._db.execute(f"{_SELECT} WHERE number IN ({numbers}) ORDER BY number")
+        return [_event(row) for row in rows]
+
+    @contextlib.contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._db.execute("COMMIT")
+        except BaseException:
+            with contextlib.suppress(sqlite3.Error):  # some errors have ended it already
+                self._db.execute("ROLLBACK")
+            raise
+
+
+def read_events(path: Path, since_s: float | None = None) -> Iterator[Event]:
+    """All events since a wall-clock time, oldest first, also while a daemon writes them.
+
+    Opens the file read-only. Raises EventLogError.
+    """
+    since = "" if since_s is None else "WHERE time_s >= ?"
+    arguments = () if since_s is None else (since_s,)
+    with reading(path) as db:
+        (version,) = db.execute("PRAGMA user_version").fetchone()
+        select = _SELECT_1 if version == 1 else _SELECT
+        for row in db.execute(f"{select} {since} ORDER BY number", arguments):
+            yield _event(row)
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """The file open for reading only. Raises EventLogError for whatever goes wrong within, too."""
+    if not path.is_file():
+        raise EventLogError(f"{path}: there is no event log (nothing has happened yet, or another store)")
+    # Without a journal nobody writes, and a folder that cannot be written could not take one either.
+    mode = "mode=ro" if path.with_name(path.name + "-wal").exists() else "mode=ro&immutable=1"
+    try:
+        db = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True, timeout=_BUSY_S)
+        with contextlib.closing(db):
+            yield db
+    except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
+        raise EventLogError(f"{path}: cannot be read ({error})") from error
+
+
+def _row(event: Event) -> tuple[object, ...]:
+    """In the order of `_COLUMNS`, which is that of the fields."""
+    return (
+        event.time_s, event.monotonic_s, event.clock, event.camera, event.roi, event.alarm_class.value,
+        event.change, event.before, event.after, event.actor, event.reason, event.existence, event.frame,
+        event.id, event.sequence, alarm_text(event.alarm), json.dumps(event.details) if event.details else None,
+    )  # fmt: skip
+
+
+def _event(row: tuple[Any, ...]) -> Event:
+    values = list(row)
+    values[5], values[15] = AlarmClass(values[5]), alarm_of(values[15])
+    values[16] = {} if values[16] is None else dict(json.loads(values[16]))
+    return Event(*values)
+
+
+def alarm_text(alarm: Alarm) -> str:
+    """An alarm as JSON; what is empty is left out, and so is the delay that was running."""
+    empty = asdict(Alarm())
+    kept = {name: value for name, value in asdict(alarm).items() if value != empty[name]}
+    kept.pop("since_s", None)
+    return json.dumps(kept, separators=(",", ":"))
+
+
+def alarm_of(text: str) -> Alarm:
+    """The reverse of `alarm_text`; raises ValueError or TypeError for anything else."""
+    fields = json.loads(text)
+    for kind in ("shelved", "out_of_service"):
+        if kind in fields:
+            fields[kind] = Hold(**fields[kind])
+    if "suppressed" in fields:
+        fields["suppressed"] = tuple(Hold(**hold) for hold in fields["suppressed"])
+    return Alarm(**fields)

@@ -1,0 +1,296 @@
+"""Writes the event log of one camera in a thread of its own, so that no disk can hold up the filter.
+
+`write` hands over a batch and waits until it is on the disk, but for `WAIT_S` at the most: an alarm is
+on the disk before it is on the bus, unless the disk is in trouble. While it is, `write` does not wait at
+all; batches wait in memory, up to `MOST_WAITING` events, and are written once the disk takes them again.
+A damaged file is moved aside under a name of its own and a new one begins, with the present state.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import sqlite3
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.storage.event import Event
+from lumpwatch.service.storage.event_log import (
+    Entry,
+    EventLog,
+    EventLogError,
+    KeptRecord,
+    event_file,
+    is_corrupt,
+    read_events,
+)
+from lumpwatch.service.storage.event_notes import Note
+
+log = logging.getLogger(__name__)
+
+WAIT_S = 0.25
+RETRY_S = 5.0
+MOST_WAITING = 10_000
+_CLOSE_S = 1.5
+PRUNE_EVERY_S = 3600.0
+PRUNE_AT_ONCE = 500
+"""Rows that retention removes before it looks whether an alarm waits."""
+
+
+class EventObserver(Protocol):
+    """Counts what happens to the log; implemented by metrics."""
+
+    def events_written(self, count: int) -> None:
+        """Events are on the disk."""
+
+    def event_problem(self, reason: str, count: int = 1) -> None:
+        """`corrupt`, `unwritable`, `late` or `lost`."""
+
+    def events_waiting(self, count: int) -> None:
+        """Events that are not on the disk yet."""
+
+    def events_removed(self, count: int) -> None:
+        """Rows that retention has removed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Retention:
+    """What the log keeps of what is over and acknowledged."""
+
+    days: float
+    events: int
+
+
+class EventWriter:
+    """The log of one camera: what it held at the start, and the way to write more."""
+
+    def __init__(
+        self,
+        store: Path,
+        camera: str,
+        observer: EventObserver,
+        wall: Callable[[], float],
+        retry_s: float = RETRY_S,
+        open_log: Callable[[Path, bool], EventLog] = lambda path, check: EventLog(path, check=check),
+        retention: Retention | None = None,
+    ) -> None:
+        """Opens and reads the log; never raises for what is wrong with it."""
+        self._path = event_file(store, camera)
+        self._observer = observer
+        self._wall = wall
+        self._retry_s = retry_s
+        self._open_log = open_log
+        self._retention = retention
+        self._log: EventLog | None = None
+        self._told = ""
+        self._latest: dict[tuple[str, AlarmClass], Event] = {}
+        self.unpublished: list[tuple[str, str, bytes]] = []
+        """ROI, id and record of what may not have come on the bus before the last end."""
+        self.records: list[KeptRecord] = []
+        """The last records of each ROI that were written before the last end, oldest first."""
+        if not self._attempt(self._start):
+            self._start_reading()
+        self._first = dict(self._latest)
+        self._removed = 0
+        self._batches: deque[_Batch] = deque()
+        self._waiting = 0
+        self._ill = self._log is None
+        self._wake = threading.Condition()
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name="event log", daemon=True)
+        self._thread.start()
+
+    def alarms(self, monotonic_s: float, wall_s: float, clock: str) -> dict[tuple[str, AlarmClass], Alarm]:
+        """The alarms as the log had them at the start, times carried over to the clock of now."""
+        return {key: event.alarm_now(monotonic_s, wall_s, clock) for key, event in self._first.items()}
+
+    def sequences(self) -> dict[str, int]:
+        """The last sequence number of each ROI in the log at the start."""
+        found: dict[str, int] = {}
+        for (roi, _), event in self._first.items():
+            found[roi] = max(found.get(roi, 0), event.sequence)
+        return found
+
+    def write(self, entries: Sequence[Entry]) -> bool:
+        """Whether the events are on the disk now; returns within `WAIT_S`."""
+        return self._hand_over(_Batch(tuple(entries)))
+
+    def add(self, notes: Sequence[Note], *, wait: bool) -> bool:
+        """The same for verdicts and spans of watching; without `wait` they are written some time later."""
+        return self._hand_over(_Batch((), notes=tuple(notes)), wait)
+
+    def _hand_over(self, batch: _Batch, wait: bool = True) -> bool:
+        with self._wake:
+            if self._waiting + batch.rows > MOST_WAITING:
+                self._observer.event_problem("lost", batch.rows)
+                return False
+            self._waiting += batch.rows
+            self._batches.append(batch)
+            self._wake.notify()
+            if self._ill or not wait:
+                return False
+        if not batch.done.wait(WAIT_S):
+            self._observer.event_problem("late")
+            with self._wake:
+                self._ill = not batch.written  # whoever comes next need not wait, until the thread is through
+        return batch.written
+
+    def published(self, sent: Sequence[tuple[str, str]]) -> None:
+        """The records of these (ROI, id) are on the bus; written some time later."""
+        with self._wake:
+            if len(self._batches) < 2 * MOST_WAITING:  # else some are sent twice, with the same number
+                self._batches.append(_Batch((), tuple(sent)))
+                self._wake.notify()
+
+    def close(self) -> None:
+        """Write what waits, if that does not take long."""
+        with self._wake:
+            self._closed = True
+            self._wake.notify()
+        self._thread.join(_CLOSE_S)
+
+    def _run(self) -> None:
+        pruning = True
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._batches or self._closed, 0.0 if pruning else PRUNE_EVERY_S)
+                if not self._batches and self._closed:
+                    break
+                batch = self._batches[0] if self._batches else None
+            if batch is None:
+                self._removed = 0
+                if self._log is not None and self._retention is not None:
+                    self._attempt(self._prune)
+                pruning = self._removed >= PRUNE_AT_ONCE
+                continue
+            if self._attempt(lambda batch=batch: self._store(batch)):  # type: ignore[misc]
+                with self._wake:
+                    self._batches.popleft()
+                    self._waiting -= batch.rows
+                    self._ill = False
+                    batch.finish(written=True)
+                self._observer.events_written(len(batch.entries))
+                self._observer.events_waiting(self._waiting)
+                continue
+            with self._wake:
+                self._ill = True
+                for one in self._batches:
+                    one.finish(written=False)
+                if self._closed:
+                    break
+                self._observer.events_waiting(self._waiting)
+                self._wake.wait_for(lambda: self._closed, self._retry_s)
+        if self._log is not None:
+            self._log.close()
+
+    def _attempt(self, work: Callable[[], None]) -> bool:
+        """Do something with the file; a damaged one is replaced, and the work done on the new one."""
+        for _ in range(2):
+            try:
+                work()
+            except (sqlite3.Error, OSError, ValueError, TypeError) as error:
+                self._drop()
+                # What is in the file and cannot be understood is damage too.
+                damaged = is_corrupt(error) or isinstance(error, (ValueError, TypeError))
+                self._tell("corrupt" if damaged else "unwritable", error)
+                if not damaged or not self._move_aside():
+                    return False
+            else:
+                if self._told:
+                    log.info("%s: written again", self._path)
+                self._told = ""
+                return True
+        return False
+
+    def _start(self) -> None:
+        self._log = self._open_log(self._path, True)
+        self.unpublished = self._log.unpublished()
+        self.records = self._log.records()
+        self._latest = {(event.roi, event.alarm_class): event for event in self._log.latest()}
+
+    def _start_reading(self) -> None:
+        """Where the log cannot be written it may still say how the alarms stood."""
+        try:
+            self._latest = {(event.roi, event.alarm_class): event for event in read_events(self._path)}
+        except EventLogError as error:
+            log.warning("%s; all alarms begin as NORMAL", error)
+
+    def _store(self, batch: _Batch) -> None:
+        if self._log is None:
+            new = not self._path.exists()
+            self._log = self._open_log(self._path, False)
+            if new:
+                self._log.copy(self._latest.values())
+        if batch.entries:
+            self._log.append(batch.entries)
+            self._latest |= {(one.event.roi, one.event.alarm_class): one.event for one in batch.entries}
+        if batch.notes:
+            self._log.add(batch.notes)
+        if batch.sent:
+            self._log.published(batch.sent)
+
+    def _prune(self) -> None:
+        """One step of retention, so short that no alarm waits for it."""
+        if self._log is not None and self._retention is not None:
+            before_s = self._wall() - self._retention.days * 86_400.0
+            self._removed = self._log.prune(before_s, self._retention.events, PRUNE_AT_ONCE)
+            self._observer.events_removed(self._removed)
+
+    def _drop(self) -> None:
+        if self._log is not None:
+            with contextlib.suppress(sqlite3.Error):
+                self._log.close()
+            self._log = None
+
+    def _move_aside(self) -> bool:
+        stamp = datetime.fromtimestamp(self._wall(), UTC).strftime("%Y%m%dT%H%M%S")
+        aside, number = self._path.with_name(f"{self._path.name}.corrupt-{stamp}"), 1
+        while aside.exists():
+            number += 1
+            aside = self._path.with_name(f"{self._path.name}.corrupt-{stamp}-{number}")
+        try:
+            self._path.rename(aside)
+            for suffix in ("-wal", "-shm"):
+                journal = self._path.with_name(self._path.name + suffix)
+                if journal.exists():
+                    journal.rename(aside.with_name(aside.name + suffix))
+        except OSError as error:
+            self._tell("unwritable", error)
+            return False
+        log.error("%s: is damaged and was moved to %s; a new event log begins", self._path, aside.name)
+        return True
+
+    def _tell(self, reason: str, error: Exception) -> None:
+        self._observer.event_problem(reason)
+        text = f"{self._path}: {reason}: {error}"
+        if text != self._told:  # once, not with every attempt
+            log.error("event log %s; detection and the bus go on", text)
+        self._told = text
+
+
+class _Batch:
+    """Some events, or news of what was published, and whether they are on the disk."""
+
+    def __init__(
+        self,
+        entries: tuple[Entry, ...],
+        sent: tuple[tuple[str, str], ...] = (),
+        notes: tuple[Note, ...] = (),
+    ) -> None:
+        self.entries = entries
+        self.sent = sent
+        self.notes = notes
+        self.rows = len(entries) + len(notes)
+        self.done = threading.Event()
+        self.written = False
+
+    def finish(self, *, written: bool) -> None:
+        """Tell who waits."""
+        self.written = written
+        self.done.set()

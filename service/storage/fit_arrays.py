@@ -1,0 +1,98 @@
+"""A fitted likelihood as arrays of a prior file, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, LumpFit
+from lumpwatch.models.likelihood.histogram import BINS, Channel
+from lumpwatch.models.likelihood.lump import FEATURES, MEASURES
+from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def told(fit: LumpFit | HistogramFit) -> Arrays:
+    """The arrays by name."""
+    if isinstance(fit, HistogramFit):
+        return {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
+    arrays = {
+        "fit_looks": np.array([fit.looks_per_s]),
+        "fit_margin": np.array([fit.margin]),
+        "fit_mean": fit.mean,
+        "fit_scale": fit.scale,
+        "fit_weights": fit.weights,
+        "fit_line": np.array([fit.offset]),
+    }
+    if len(fit.patterns.offsets):
+        arrays |= {"fit_directions": fit.patterns.directions, "fit_offsets": fit.patterns.offsets}
+    return arrays
+
+
+def known(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | HistogramFit:
+    """The fit of a lump's likelihood, or of a histogram's. Raises KeyError or ValueError where it cannot be right."""
+    if lump:
+        return known_lump(arrays)
+    _check(arrays, {"fit_reference": (BINS,), "fit_line": (2,)})
+    offset, slope = arrays["fit_line"]
+    return HistogramFit(arrays["fit_reference"], float(offset), float(slope), channel)
+
+
+def _check(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> None:
+    for key, shape in shapes.items():
+        if arrays[key].shape != shape:
+            raise ValueError(f"{key} has shape {arrays[key].shape}")
+
+
+def known_lump(arrays: Arrays) -> LumpFit:
+    """A lump's likelihood; in a prior from before the template, or before the patterns, their weights are zero.
+
+    Raises KeyError or ValueError where it cannot be right.
+    """
+    mean, scale, weights = arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"]
+    known = len(mean)
+    if known not in (len(MEASURES), len(FEATURES)):
+        raise ValueError(f"fit_mean has shape {mean.shape}")
+    patterns = no_patterns(len(FEATURES))
+    if "fit_directions" in arrays:
+        patterns = Patterns(arrays["fit_directions"], arrays["fit_offsets"])
+    count = len(patterns.offsets)
+    shapes: dict[str, tuple[int, ...]] = {
+        "fit_mean": (known,), "fit_scale": (known,), "fit_weights": (2 * known + count,), "fit_line": (1,),
+    }  # fmt: skip
+    if count:
+        shapes |= {"fit_directions": (count, known), "fit_offsets": (count,)}
+    _check(arrays, shapes)
+    more = len(FEATURES) - known
+    linear, square, joint = np.split(weights, (known, 2 * known))
+    return LumpFit(
+        mean=np.pad(mean, (0, more)),
+        scale=np.pad(scale, (0, more), constant_values=1.0),
+        weights=np.concatenate([np.pad(linear, (0, more)), np.pad(square, (0, more)), joint]),
+        offset=float(arrays["fit_line"][0]),
+        looks_per_s=_looks(arrays),
+        patterns=patterns,
+        margin=_margin(arrays),
+    )
+
+
+def _looks(arrays: Arrays) -> float:
+    if "fit_looks" not in arrays:
+        return DEFAULT_LOOKS_PER_S
+    (looks,) = arrays["fit_looks"]
+    if not 0.0 < looks < np.inf:
+        raise ValueError(f"{looks} looks a second")
+    return float(looks)
+
+
+def _margin(arrays: Arrays) -> float:
+    """None in a prior from before there was one: what it knows of lumps has less to spare."""
+    if "fit_margin" not in arrays:
+        return 0.0
+    (margin,) = arrays["fit_margin"]
+    if not np.isfinite(margin):
+        raise ValueError(f"a margin of {margin}")
+    return float(margin)

@@ -1,1 +1,0 @@
-"""What the daemon keeps: atomic, checksummed, versioned."""

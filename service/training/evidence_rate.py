@@ -1,0 +1,141 @@
+"""How much of a frame's evidence counts, learned by whether the filter's existence can be believed.
+
+Neighbouring frames show nearly the same, so the log likelihood ratio of each counts in part only: a second of
+frames is worth so many independent looks. Too many, and a rock that looks a little like a lump is soon taken
+for one; too few, and a lump is past before it is believed. The number is chosen by the logarithmic score of
+P(E = 1) over the labelled footage (a strictly proper scoring rule: it is best where the probability is
+right), frames with and without a lump weighing the same. The likelihood knows its own training pictures too
+well, so each quarter of the footage is judged by what the others taught (cross-fitting).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lumpwatch.models.learning import Learned, LumpFit
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S
+from lumpwatch.service.config import DetectorConfig, JdtConfig, LumpConfig
+from lumpwatch.service.detection import DEFAULT_INTERVAL_S, JdtDetector
+from lumpwatch.service.training.fitting import fit_likelihood
+from lumpwatch.service.training.footage import Footage, TrainingError
+
+GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
+"""Looks a second that are tried, ascending; the search begins with the most."""
+MOST_WITH_LIMIT = 7.5
+"""Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
+Without a limit it is the default."""
+QUIET_S = 300.0
+"""With so much footage without lumps all are tried: a minute full of lumps shows what too little evidence costs, and
+hardly what too much does."""
+FOLDS = 4
+FIT_VIEWS = 450
+"""Pictures that a fold learns from, at most."""
+_SURE = 0.001
+"""Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
+
+
+def temper(
+    config: DetectorConfig, footage: Footage, learned: Learned, advance: Callable[[int], None]
+) -> Learned:
+    """What was learned with its looks a second; as it was where the footage cannot teach them.
+
+    That is where the likelihood is no lump's, `evidence` is configured, all frames or none show a lump, or a
+    part of the footage teaches nothing. `advance` is told how many candidates have been judged.
+    """
+    fit = learned.likelihood
+    if not isinstance(config, JdtConfig) or not isinstance(config.likelihood, LumpConfig):
+        return learned
+    if config.likelihood.evidence is not None or not isinstance(fit, LumpFit):
+        return learned
+    folds = cut_in_folds(footage)
+    profile = learned.profile.scaled(float(footage.roi.shape[0]))
+    try:
+        fits = [fit_likelihood(config, fold.rest, profile, "a part of the footage") for fold in folds]
+    except TrainingError:
+        return learned
+    if not fits:
+        return learned
+    best, best_score = fit.looks_per_s, -np.inf
+    quiet_s = footage.interval_s * footage.count * float(1.0 - _labelled(footage).mean())
+    most = DEFAULT_LOOKS_PER_S if footage.roi.limit_px is None else MOST_WITH_LIMIT
+    tried = [looks for looks in GRID if looks <= most or quiet_s >= QUIET_S]
+    for number, looks in enumerate(reversed(tried), start=1):
+        existence = [
+            _watch(config, fold.judged, with_looks(replace(learned, likelihood=one), looks))
+            for fold, one in zip(folds, fits, strict=True)
+        ]
+        score = log_score(
+            np.concatenate(existence), np.concatenate([_labelled(fold.judged) for fold in folds])
+        )
+        advance(number)
+        if score <= best_score:
+            break  # one peak: too much evidence before it, too little behind it
+        best, best_score = looks, score
+    return with_looks(learned, best)
+
+
+def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
+    """Mean log probability given to what was so, over frames with and without an object weighing the same.
+
+    Raises ValueError where one of them is missing.
+    """
+    if present.all() or not present.any():
+        raise ValueError("frames with and frames without an object are needed")
+    p = np.clip(existence, _SURE, 1.0 - _SURE)
+    return float(np.log(p[present]).mean() + np.log(1.0 - p[~present]).mean())
+
+
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """A stretch of the footage, and what is left to learn from: no lump is in both."""
+
+    judged: Footage
+    rest: Footage
+
+
+def cut_in_folds(footage: Footage) -> list[Fold]:
+    """Stretches with equally many labelled pictures each; none where there are not both kinds of pictures."""
+    labelled = np.flatnonzero(_labelled(footage))
+    if len(labelled) < FOLDS or len(labelled) == len(footage.views):
+        return []
+    cuts = [0, *(int(labelled[k * len(labelled) // FOLDS]) for k in range(1, FOLDS)), len(footage.views)]
+    found = []
+    for first, last in pairwise(cuts):
+        seen = {(m.clip, track) for m in footage.moments[first:last] for track in m.tracks}
+        others = [
+            k
+            for k, moment in enumerate(footage.moments)
+            if not first <= k < last and seen.isdisjoint((moment.clip, track) for track in moment.tracks)
+        ]
+        found.append(Fold(footage.only(range(first, last)), footage.only(others, FIT_VIEWS)))
+    return found
+
+
+def _labelled(footage: Footage) -> NDArray[np.bool_]:
+    return np.array([len(item.objects) > 0 for item in footage.views], dtype=np.bool_)
+
+
+def with_looks(learned: Learned, looks_per_s: float) -> Learned:
+    """The same with other looks a second, where its likelihood is a lump's."""
+    fit = learned.likelihood
+    if not isinstance(fit, LumpFit):
+        return learned
+    return replace(learned, likelihood=replace(fit, looks_per_s=looks_per_s))
+
+
+def _watch(config: JdtConfig, footage: Footage, learned: Learned) -> NDArray[np.float64]:
+    """Existence after each picture, every clip from its beginning."""
+    existence = []
+    times = [(moment.clip, moment.time_s) for moment in footage.moments]
+    for (last, now), item in zip(pairwise([(-1, 0.0), *times]), footage.views, strict=True):
+        if last[0] != now[0]:
+            detector, dt = JdtDetector(config, footage.roi, learned), DEFAULT_INTERVAL_S
+        else:
+            dt = now[1] - last[1]
+        existence.append(detector.step(item.view.gray, item.view.colour, dt).existence)
+    return np.array(existence)

@@ -1,0 +1,279 @@
+"""The report of a training: one page that a person can judge it by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lumpwatch.models.learning.learned import Learned, LumpFit
+from lumpwatch.models.likelihood.lump import FEATURES, MEASURES, WEIGHTS
+from lumpwatch.service.config import JdtConfig, LumpConfig, NetworkConfig, RoiConfig
+from lumpwatch.service.offline import (
+    html_figure,
+    html_items,
+    html_page,
+    html_paragraph,
+    html_photo,
+    html_picture,
+    html_section,
+    html_table,
+    html_text,
+)
+from lumpwatch.service.storage import Prior
+from lumpwatch.service.training.coverage import relative_sizes
+from lumpwatch.service.training.cross_validation import HeldOut, Validation
+from lumpwatch.service.training.dataset import Material
+from lumpwatch.service.training.report_pictures import (
+    moment_bgr,
+    patterns_png,
+    places_png,
+    prior_png,
+    reliability_png,
+    sketch,
+    template_png,
+)
+
+MOST_MOMENTS = 6
+
+_WORDS = {
+    "brightness": "brighter than the ring around it",
+    "contrast": "brighter or darker than the ring around it",
+    "weakest_side": "stands out on every side",
+    "texture": "rougher than the ring around it",
+    "outline": "edges along its outline, not inside",
+    "spread": "uneven brightness inside",
+    "core_texture": "rough inside, measured by the contrast around",
+    "ring_texture": "rough around, measured by the contrast there",
+}
+
+
+def training_report(
+    prior: Prior,
+    roi: RoiConfig,
+    material: Material,
+    validation: Validation | None,
+    warnings: Sequence[str],
+) -> str:
+    """The page. Raises PlotError where matplotlib is missing."""
+    meta = prior.meta
+    learned = prior.learned
+    clips = [
+        (html_text(clip.name), html_text("no lump" if clip.labels is None else clip.labels.name))
+        for clip in material.clips
+    ]
+    parts = [
+        html_paragraph(
+            f"Version {prior.version} of {meta.created:%Y-%m-%d %H:%M} UTC, from {learned.tracks} labelled lumps "
+            f"in {meta.frames} frames.",
+            "note",
+        ),
+        html_table(("clip", "labels"), clips),
+        _warnings(warnings),
+        _validation(material, validation),
+        _motion(prior, material),
+        _likelihood(roi.detector.learning, learned),
+    ]
+    return html_page(f"Training of {meta.camera}/{meta.roi}", parts)
+
+
+def _warnings(warnings: Sequence[str]) -> str:
+    if not warnings:
+        return html_section("Warnings", [html_paragraph("None.")])
+    return html_section("Warnings", [html_items(warnings)], "warn")
+
+
+def _validation(material: Material, validation: Validation | None) -> str:
+    title = "Each lump, judged by what the others teach"
+    if validation is None or not validation.lumps:
+        words = "Not done: it takes a jdt detector, two labelled lumps and --folds 2 or more."
+        return html_section(title, [html_paragraph(words)])
+    early = [one.warned_s for one in validation.found if one.warned_s is not None]
+    summary = f"{len(early)} of {len(validation.whole)} lumps would be found"
+    if early:
+        summary += f", half of them {np.median(early):.1f} s or more before their last label"
+    about = (
+        f"The region was learned {validation.folds} times, each time without some of the lumps and without the "
+        "pictures that show them. The log likelihood ratio of a held-out lump (blue) should lie above that of the "
+        "background box that looks most like a lump (red), and above 0. A lump is found when the filter, above "
+        "the alarm's threshold, puts a box on it."
+    )
+    names = ("lump", "clip", "lump's ratio", "hardest background", "ahead in", "over time", "found")
+    rows = [_row(material, one) for one in validation.lumps]
+    parts = [
+        html_paragraph(summary + "."),
+        html_paragraph(about, "note"),
+        html_table(names, rows),
+        *_clips(material, validation),
+        "<h2>Hardest moments</h2>",
+        html_paragraph("Green: the label. Red: the background that looks most like a lump.", "note"),
+        '<div class="sheet">',
+        *[_moment(material, one) for one in validation.hardest[:MOST_MOMENTS]],
+        "</div>",
+        "<h2>Reliability on held-out pictures</h2>",
+        html_paragraph(_reliable(validation)),
+        html_picture(reliability_png(validation.bins), "predicted probability against observed share"),
+    ]
+    return html_section(title, parts)
+
+
+def _row(material: Material, one: HeldOut) -> tuple[str, ...]:
+    if one.lump.cut_off:
+        found = "the clip ends before it"
+    elif one.warned_s is None:
+        found = '<span class="bad">not found</span>'
+    else:
+        found = f'<span class="good">{one.warned_s:.1f} s before the end</span>'
+    return (
+        str(one.lump.id),
+        html_text(material.clips[one.lump.clip].name),
+        f"{one.ratio:+.1f}",
+        f"{one.background:+.1f}",
+        f"{one.won:.0%}",
+        sketch(one),
+        found,
+    )
+
+
+def _clips(material: Material, validation: Validation) -> list[str]:
+    """The clips, the hardest first, where there are several."""
+    by_clip: dict[int, list[HeldOut]] = {}
+    for one in validation.lumps:
+        by_clip.setdefault(one.lump.clip, []).append(one)
+    if len(by_clip) < 2:
+        return []
+    rows = []
+    for clip, lumps in sorted(by_clip.items(), key=lambda item: np.mean([one.margin for one in item[1]])):
+        found = sum(one in validation.found for one in lumps)
+        lead = np.mean([one.margin for one in lumps])
+        rows.append(
+            (
+                html_text(material.clips[clip].name),
+                f"{found} of {sum(not one.lump.cut_off for one in lumps)}",
+                f"{lead:+.1f}",
+            )
+        )
+    return ["<h2>Clips, the hardest first</h2>", html_table(("clip", "found", "mean lead"), rows)]
+
+
+def _moment(material: Material, one: HeldOut) -> str:
+    judged = one.hardest
+    moment = material.footage.moments[judged.view]
+    caption = (
+        f"lump {one.lump.id} of {material.clips[moment.clip].name}, frame {moment.frame}: "
+        f"{judged.ratio:+.1f} against {judged.background:+.1f}"
+    )
+    return html_figure(html_photo(moment_bgr(material, one, judged), caption), caption)
+
+
+def _reliable(validation: Validation) -> str:
+    """In words: whether the likelihood claims too much or too little."""
+    objects = sum(one.objects for one in validation.bins)
+    background = sum(one.background for one in validation.bins)
+    weights = [one.objects / objects + one.background / background for one in validation.bins]
+    lean = sum(
+        weight * (one.observed - one.predicted) for weight, one in zip(weights, validation.bins, strict=True)
+    ) / sum(weights)
+    words = (
+        "Held-out lumps, and of each of their pictures the box without a lump that looks most like one. "
+        "A likelihood that can be trusted lies on the dashed line. "
+    )
+    if abs(lean) < 0.05:
+        return words + "This one is close to it."
+    more, less = ("more", "less") if lean > 0 else ("less", "more")
+    return words + f"Boxes hold a lump {more} often than this one says: it claims {less} than it may."
+
+
+def _motion(prior: Prior, material: Material) -> str:
+    learned = prior.learned
+    rows = [
+        (
+            html_text(name),
+            str(learned.label_counts[m]),
+            f"{learned.rates[m, 0]:+.3f}, {learned.rates[m, 1]:+.3f}",
+            f"{learned.velocity_noise[m]:.3f}",
+        )
+        for m, name in enumerate(learned.models)
+    ]
+    sizes = relative_sizes(material, learned)
+    covered = (
+        f"Against what their rows expect, the lumps are {min(sizes):.2f} to {max(sizes):.2f} times as large."
+        if sizes
+        else ""
+    )
+    parts = [
+        html_table(
+            ("motion model", "steps", "rate x, y (ROI heights / s²)", "noise (ROI heights / s)"), rows
+        ),
+        html_picture(places_png(material, learned), "switching and sizes over the picture"),
+        html_paragraph(
+            f"{covered} Sizes should grow towards the camera, and falling should begin at the lip.", "note"
+        ),
+        html_picture(prior_png(prior), "densities, prediction function, velocity and size by row"),
+    ]
+    return html_section("Motion, switching and sizes", parts)
+
+
+def _likelihood(config: JdtConfig, learned: Learned) -> str:
+    fit = learned.likelihood
+    title = "What tells a lump from ore"
+    if isinstance(config.likelihood, NetworkConfig):
+        return html_section(title, [html_paragraph(f"The network {config.likelihood.model.name}.")])
+    if not isinstance(fit, LumpFit):
+        return html_section(
+            title, [html_paragraph("The likeness of its histogram to that of the labelled lumps.")]
+        )
+    linear, square = fit.weights[: len(FEATURES)], fit.weights[len(FEATURES) : WEIGHTS]
+    order = np.argsort(-(np.abs(linear) + np.abs(square))[: len(MEASURES)])
+    rows = [
+        (
+            html_text(MEASURES[k]),
+            html_text(_WORDS[MEASURES[k]]),
+            _says(float(linear[k])),
+            _bend(float(square[k])),
+        )
+        for k in order
+    ]
+    about = (
+        "By weight, features standardised: how much one standard deviation adds to the log likelihood ratio."
+    )
+    headings = ("feature", "measures", "more of it", "unusual values")
+    given = isinstance(config.likelihood, LumpConfig) and config.likelihood.evidence is not None
+    looks = (
+        "How much of a frame counts is configured (evidence)."
+        if given
+        else f"A second of frames counts as {fit.looks_per_s:g} independent looks."
+    )
+    parts = [
+        html_paragraph(looks),
+        html_paragraph(about, "note"),
+        html_table(headings, rows),
+        html_picture(template_png(fit), "what more brightness, texture or upright edges in each cell says"),
+        html_paragraph(
+            "The box (black) and what lies around it, cell by cell. Blue: more of it speaks for a lump; red: "
+            "against.",
+            "note",
+        ),
+    ]
+    if len(fit.patterns.offsets):
+        parts += [
+            html_paragraph(
+                f"{len(fit.patterns.offsets)} patterns tell what several of these say together, such as a crease at "
+                "any of several places. They were learned elsewhere; this footage weighed them anew. Those with the "
+                "most weight, a row each: blue adds to the pattern, red takes from it, and the number is what the "
+                "pattern at its strongest adds to the log likelihood ratio.",
+                "note",
+            ),
+            html_picture(patterns_png(fit), "the patterns with the most weight, cell by cell"),
+        ]
+    return html_section(title, parts)
+
+
+def _says(weight: float) -> str:
+    if abs(weight) < 0.05:
+        return "says little"
+    return f"speaks {'for' if weight > 0 else 'against'} a lump ({weight:+.2f})"
+
+
+def _bend(weight: float) -> str:
+    return "" if abs(weight) < 0.05 else f"speak {'for' if weight > 0 else 'against'} it ({weight:+.2f})"
