@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lumpwatch.service.deployment.bundle import Bundle
+from lumpwatch.service.deployment.bundling import Bundle
 from lumpwatch.service.deployment.errors import DeployError
 from lumpwatch.service.deployment.plan import Found
 

@@ -14,6 +14,7 @@ import pytest
 from lumpwatch.models.jdt.row_profile import default_profile
 from lumpwatch.models.roi import make_roi
 from lumpwatch.service.offline.backtest.curve import Judged, Point
+from tests.offline.test_backtest import LUMP, existence, recording, track, truth
 from tests.reproduction import difficulty, matrix
 from tests.reproduction.difficulty import page, plots
 from tests.reproduction.difficulty.judge import (
@@ -30,7 +31,6 @@ from tests.reproduction.difficulty.results import Results, StyleResult, judge_al
 from tests.reproduction.difficulty.simple import BlobWatcher, MapWatcher, grid, peaks
 from tests.reproduction.difficulty.sizes import Sizes, Stated, sizes
 from tests.reproduction.difficulty.work import Task, learn, load, missing, prior_path, truth_boxes, watch
-from tests.test_backtest import LUMP, existence, recording, track, truth
 
 # Scoring: frame k is at k / 10 s; alarms rise 0.2 s after the threshold is passed and clear after 1 s below
 

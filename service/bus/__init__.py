@@ -4,12 +4,14 @@ from lumpwatch.service.bus.client import Bus
 from lumpwatch.service.bus.codec import FrameHeader
 from lumpwatch.service.bus.endpoints import Callback, Handler, Publisher
 from lumpwatch.service.bus.errors import BusClosed
+from lumpwatch.service.bus.frames import SHARED_MEMORY_MIB
 from lumpwatch.service.bus.keys import KEY_OF, Keys, Kind
 from lumpwatch.service.bus.ordering import Message
 from lumpwatch.service.bus.session import host_clock, open_client, open_hub
 
 __all__ = [
     "KEY_OF",
+    "SHARED_MEMORY_MIB",
     "Bus",
     "BusClosed",
     "Callback",

@@ -14,6 +14,9 @@ from lumpwatch.service.bus.errors import BusClosed, Malformation, MalformedMessa
 from lumpwatch.service.bus.handles import Handle
 from lumpwatch.service.core import Frame
 
+SHARED_MEMORY_MIB = 36
+"""What the two processes of one camera take of shared memory."""
+
 
 class FramePublisher(Handle):
     """Publishes the frames of one camera; made by `Bus.frame_publisher`."""

@@ -25,10 +25,10 @@ from lumpwatch.service.offline import (
     Setup,
     Terms,
     archive,
+    run_backtest,
     short_names,
     write_backtest,
 )
-from lumpwatch.service.offline import backtest as run_backtest
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import PriorStore
 

@@ -24,8 +24,8 @@ from lumpwatch.service.offline import (
     Watcher,
     load_camera,
     replay_evidence,
+    run_replay,
 )
-from lumpwatch.service.offline import replay as run_replay
 from lumpwatch.service.protocol import summary as lines_of
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import PriorStore, ReferenceStore

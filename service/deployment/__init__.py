@@ -1,6 +1,6 @@
 """Rolling the daemon out as a container. Only `engine` knows the container SDK; the daemon never imports this."""
 
-from lumpwatch.service.deployment.bundle import Bundle, bundle
+from lumpwatch.service.deployment.bundling import Bundle, bundle
 from lumpwatch.service.deployment.engine import DockerEngine, connect
 from lumpwatch.service.deployment.errors import DeployError
 from lumpwatch.service.deployment.plan import Found, short_name

@@ -12,7 +12,7 @@ import docker
 import docker.errors
 import requests
 
-from lumpwatch.service.deployment.bundle import CONFIG, HOME, Bundle
+from lumpwatch.service.deployment.bundling import CONFIG, HOME, Bundle
 from lumpwatch.service.deployment.errors import DeployError
 from lumpwatch.service.deployment.plan import Found, cause
 

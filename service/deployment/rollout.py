@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from lumpwatch.service.deployment.bundle import Bundle
+from lumpwatch.service.deployment.bundling import Bundle
 from lumpwatch.service.deployment.errors import DeployError
 from lumpwatch.service.deployment.plan import Action, Found, Plan, at_fault, cause, decide
 

@@ -1,22 +1,20 @@
 """From picture to decision: regions, detectors, picture quality, and the pipeline of one camera."""
 
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline, Unobserved
-from lumpwatch.service.detection.default_likelihood import default_likelihood
 from lumpwatch.service.detection.detectors.base import SHOWN_ABOVE, Detector, FilterState
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, make_likelihood, make_profile
 from lumpwatch.service.detection.detectors.jdt import JdtDetector
 from lumpwatch.service.detection.network import make_network
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.detection.region import make_region
-from lumpwatch.service.detection.shadow.differences import SIDES
 from lumpwatch.service.detection.shadow.shadows import Shadows
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood
 from lumpwatch.service.detection.sizing import Looks, make_plane
 from lumpwatch.service.detection.snapshot import Snapshot
 
 __all__ = [
     "DEFAULT_INTERVAL_S",
     "SHOWN_ABOVE",
-    "SIDES",
     "CameraPipeline",
     "CameraQuality",
     "Detector",

@@ -5,7 +5,7 @@ from lumpwatch.service.offline.backtest.curve import Point, Terms
 from lumpwatch.service.offline.backtest.plots import draw_backtest
 from lumpwatch.service.offline.backtest.record import Setup
 from lumpwatch.service.offline.backtest.report import write_backtest
-from lumpwatch.service.offline.backtest.run import Backtest, Result, backtest
+from lumpwatch.service.offline.backtest.run import Backtest, Result, run_backtest
 from lumpwatch.service.offline.evidence_replay import load_camera, replay_evidence
 from lumpwatch.service.offline.html import (
     html_figure,
@@ -20,7 +20,7 @@ from lumpwatch.service.offline.html import (
 )
 from lumpwatch.service.offline.overlay import OverlayVideo
 from lumpwatch.service.offline.plots import ExistenceCurves, PlotError, draw_prior, new_figure
-from lumpwatch.service.offline.replay import ReplayError, Summary, Watcher, replay
+from lumpwatch.service.offline.replay import ReplayError, Summary, Watcher, run_replay
 from lumpwatch.service.offline.shadow_replay import ReplayShadow
 from lumpwatch.service.offline.shift.figures import Figures, shift_figures
 from lumpwatch.service.offline.shift.page import shift_page
@@ -42,7 +42,6 @@ __all__ = [
     "Terms",
     "Watcher",
     "archive",
-    "backtest",
     "boxes_of",
     "draw_backtest",
     "draw_prior",
@@ -58,9 +57,10 @@ __all__ = [
     "load_camera",
     "new_figure",
     "read_shift",
-    "replay",
     "replay_evidence",
     "report_window",
+    "run_backtest",
+    "run_replay",
     "shift_figures",
     "shift_page",
     "short_names",

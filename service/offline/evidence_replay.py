@@ -17,7 +17,7 @@ from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Detection, Frame, PictureQuality
 from lumpwatch.service.detection import CameraPipeline, CameraQuality
 from lumpwatch.service.evidence import Evidence, EvidenceError, decode_state, read_frames
-from lumpwatch.service.offline.replay import Summary, Watcher, replay
+from lumpwatch.service.offline.replay import Summary, Watcher, run_replay
 from lumpwatch.service.protocol import CAMERA, CLIP, PRIOR, STATE, STATES, TIMES
 from lumpwatch.service.storage import Prior, decode_prior
 
@@ -104,7 +104,7 @@ def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...]
         if meta.exact:
             pipeline.restore(meta.roi, start)
 
-    summary = replay(
+    summary = run_replay(
         meta.site,
         camera,
         {meta.roi: prior},

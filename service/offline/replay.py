@@ -86,7 +86,7 @@ Watcher = Callable[[Frame, tuple[RoiResult, ...], CameraPipeline], None]
 """Is shown every frame with what was decided on it: progress, plots, overlays."""
 
 
-def replay(
+def run_replay(
     site: str,
     camera: CameraConfig,
     priors: dict[str, Prior | None],

@@ -37,7 +37,7 @@ from lumpwatch.service.protocol.proof_path import place_at
 from lumpwatch.service.protocol.records import alarm_event, level_of, record_id, state_line, state_message
 from lumpwatch.service.protocol.requests import ActReply
 from lumpwatch.service.protocol.schemas import MESSAGES, message_schema
-from lumpwatch.service.protocol.shadow import Counts, ShadowState, summary
+from lumpwatch.service.protocol.shadow import SIDES, Counts, ShadowState, Side, summary
 
 __all__ = [
     "CAMERA",
@@ -45,6 +45,7 @@ __all__ = [
     "MESSAGES",
     "META",
     "PRIOR",
+    "SIDES",
     "STATE",
     "STATES",
     "STILL",
@@ -67,6 +68,7 @@ __all__ = [
     "ProofResult",
     "RoiBeat",
     "ShadowState",
+    "Side",
     "StateLine",
     "StateMessage",
     "StoredFile",

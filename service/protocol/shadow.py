@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Literal
 
 from pydantic import Field
 
 from lumpwatch.service.protocol.messages import Record
+
+Side = Literal["both", "only_current", "only_shadow"]
+SIDES: tuple[Side, ...] = ("both", "only_current", "only_shadow")
+"""Who raised an alarm."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,12 @@
 
 from lumpwatch.service.runtime.daemon import Addresses, run
 from lumpwatch.service.runtime.preflight import (
-    SHARED_MEMORY_MIB,
     check_priors,
     check_shared_memory,
     check_simulations,
 )
 
 __all__ = [
-    "SHARED_MEMORY_MIB",
     "Addresses",
     "check_priors",
     "check_shared_memory",

@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from lumpwatch.service.bus import SHARED_MEMORY_MIB
 from lumpwatch.service.config import DetectorConfig, HistogramConfig, JdtConfig, NetworkConfig, SiteConfig
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import PriorStore
 
 SHARED_MEMORY = Path("/dev/shm")
-SHARED_MEMORY_MIB = 36
-"""What the two processes of one camera take of it."""
 
 
 def check_shared_memory(config: SiteConfig, folder: Path = SHARED_MEMORY) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from lumpwatch.service.detection import SIDES
-from lumpwatch.service.protocol import Counts
+from lumpwatch.service.protocol import SIDES, Counts
 
 
 class ShadowMetrics:

@@ -1,14 +1,14 @@
 """From labelled footage to a prior, judged and reported."""
 
-from lumpwatch.service.training.contact_sheet import contact_sheet
 from lumpwatch.service.training.coverage import coverage_warnings, validation_warnings
 from lumpwatch.service.training.cross_validation import Validation, cross_validate
 from lumpwatch.service.training.dataset import Material, clips_of, gather
 from lumpwatch.service.training.evidence_labels import export
 from lumpwatch.service.training.evidence_rate import GRID
 from lumpwatch.service.training.label_proposals import accept_proposals, parse_ids, to_text
-from lumpwatch.service.training.learn import Trained, learn, tempered
+from lumpwatch.service.training.learner import Trained, learn, tempered
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
+from lumpwatch.service.training.proposal_sheet import contact_sheet
 from lumpwatch.service.training.proposing import suggest
 from lumpwatch.service.training.refining import ConfirmedClip, footage_sources, recorded_clip, refine
 from lumpwatch.service.training.report import training_report

@@ -24,7 +24,7 @@ from lumpwatch.service.detection import JdtDetector, make_likelihood
 from lumpwatch.service.training.dataset import Lump, Material
 from lumpwatch.service.training.evidence_rate import with_looks
 from lumpwatch.service.training.footage import Moment, TrainingError
-from lumpwatch.service.training.learn import learn
+from lumpwatch.service.training.learner import learn
 
 FOLD_VIEWS = 250
 """Pictures that a fold learns from, so that all folds together take about as long as the training."""

@@ -22,7 +22,7 @@ from lumpwatch.service.training.footage import (
     needs_flow,
     read_footage,
 )
-from lumpwatch.service.training.learn import labelled_tracks
+from lumpwatch.service.training.learner import labelled_tracks
 
 Progress = Callable[[str, int | None], AbstractContextManager[Callable[[int], None]]]
 """Told the name of a clip and its number of frames; gives what to call with the number read so far."""

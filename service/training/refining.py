@@ -19,7 +19,7 @@ from lumpwatch.service.core import Frame
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Box, check_frames
 from lumpwatch.service.training.footage import TrainingError
-from lumpwatch.service.training.learn import Trained, train
+from lumpwatch.service.training.learner import Trained, train
 
 PAUSE_S = 60.0
 """Between clips: so long that nothing seems to move from the end of one to the beginning of the next."""

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from lumpwatch.models.likelihood.lump import FEATURES
-from lumpwatch.service.detection.default_likelihood import default_likelihood
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood
 from tests.benchmarks import background, peers, scaling
 
 DOCS = Path(__file__).parents[2] / "docs"

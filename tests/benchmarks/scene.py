@@ -21,7 +21,7 @@ from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLik
 from lumpwatch.models.likelihood.histogram import BINS
 from lumpwatch.models.roi import Image, Roi, make_roi
 from lumpwatch.models.state import Y
-from lumpwatch.service.detection.default_likelihood import default_likelihood
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood
 from lumpwatch.service.simulator.feed import FeedSimulator
 from lumpwatch.service.simulator.spec import FeedSpec
 

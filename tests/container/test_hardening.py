@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from lumpwatch.service.deployment.bundle import USER
+from lumpwatch.service.deployment.bundling import USER
 from lumpwatch.service.deployment.engine import DockerEngine
 from tests.container.engine import IMAGE, Site
 

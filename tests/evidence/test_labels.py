@@ -27,8 +27,8 @@ from lumpwatch.service.storage.label_file import read_labels
 from lumpwatch.service.training.evidence_labels import track_labels
 from lumpwatch.service.training.footage import read_footage
 from tests.evidence.scene import Scene, moving
+from tests.offline.shift_scene import entry
 from tests.service_helpers import HEIGHT, WIDTH, camera, prior, site_tree
-from tests.shift.made import entry
 
 POLYGON = ((0.11, 0.13), (0.83, 0.21), (0.9, 0.94), (0.2, 0.77))
 

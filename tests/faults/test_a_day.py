@@ -27,10 +27,10 @@ from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.monitor.announcer import Announcer
 from lumpwatch.service.storage.event_log_writer import EventWriter
 from lumpwatch.service.telemetry.metrics import MonitorMetrics
+from tests.bus.test_bus_support import client_config, free_endpoint, hub_config
 from tests.faults.outside import Outside
 from tests.faults.table import Record, Row
 from tests.service_helpers import HEIGHT, WIDTH, picture, prior, site, site_tree
-from tests.test_bus_support import client_config, free_endpoint, hub_config
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(24 * 3600)]
 

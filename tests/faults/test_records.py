@@ -25,13 +25,13 @@ from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.config import load_config
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events
 from lumpwatch.service.storage.prior_store import PriorStore
+from tests.bus.test_bus_support import Child, free_endpoint
 from tests.faults.outside import BLIND_AFTER_S, KEYS, NOTICED_S, PATIENCE_S, ROI, Outside
 from tests.faults.table import Record, Row
 from tests.integration.feed import Feed
 from tests.integration.site import AlarmFollower, Daemon, wait_for
 from tests.service_helpers import prior, site_tree
-from tests.test_bus_support import Child, free_endpoint
-from tests.test_event_log import event
+from tests.storage.test_event_log import event
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -24,9 +24,9 @@ from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
 from lumpwatch.service.storage.prior_store import PriorStore
 from tests.integration.feed import Feed
 from tests.integration.site import AlarmFollower, Daemon, wait_for
+from tests.protocol.test_messages import EVENT
 from tests.service_helpers import prior, site_tree
-from tests.test_event_log import event
-from tests.test_messages import EVENT
+from tests.storage.test_event_log import event
 
 pytestmark = pytest.mark.slow
 

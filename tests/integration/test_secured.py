@@ -14,8 +14,8 @@ from lumpwatch.service.bus.session import open_client
 from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.config import load_config
 from lumpwatch.service.config.bus import TlsConfig
+from tests.bus.test_bus_access import make
 from tests.integration.site import LUMPWATCH, Daemon, wait_for
-from tests.test_bus_access import make
 
 pytestmark = [
     pytest.mark.slow,

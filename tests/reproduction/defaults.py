@@ -33,7 +33,7 @@ from lumpwatch.service.simulator.write import write_video
 from lumpwatch.service.storage.fit_arrays import told
 from lumpwatch.service.storage.label_file import read_labels
 from lumpwatch.service.storage.prior_file import Prior, encode_prior
-from lumpwatch.service.training.learn import train
+from lumpwatch.service.training.learner import train
 
 PATTERNS = 128
 FIRST_SEED = 9200

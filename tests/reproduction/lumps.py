@@ -19,14 +19,14 @@ from lumpwatch.service.core.decision import Decision
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.offline.backtest.truth import OVERLAP
-from lumpwatch.service.offline.replay import replay
+from lumpwatch.service.offline.replay import run_replay
 from lumpwatch.service.protocol.messages import StateLine
 from lumpwatch.service.simulator.feed import FeedSimulator
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
 from lumpwatch.service.storage.label_file import Box, read_labels
 from lumpwatch.service.storage.prior_file import Prior
-from lumpwatch.service.training.learn import train
+from lumpwatch.service.training.learner import train
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def announced_on(camera: CameraConfig, prior: Prior, seed: int, folder: Path) ->
     spec = FeedSpec(seed=seed)
     files = write_video(spec, 60.0, folder)
     frames, _ = read_frames(camera, files.video)
-    replay("demo", camera, {ROI: prior}, frames, files.video.name, folder)
+    run_replay("demo", camera, {ROI: prior}, frames, files.video.name, folder)
     return announcements(read_states(folder / "states.jsonl"), files.labels, spec.fps)
 
 

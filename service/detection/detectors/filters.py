@@ -29,8 +29,8 @@ from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
 from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
 from lumpwatch.models.roi import Roi
 from lumpwatch.service.config import JdtConfig, LumpConfig, MotionConfig, NetworkConfig
-from lumpwatch.service.detection.default_likelihood import default_likelihood
 from lumpwatch.service.detection.network import make_network
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood
 from lumpwatch.service.errors import ConfigError
 
 # Stated defaults of a filter without a prior; lengths in ROI heights.

@@ -13,12 +13,9 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Literal
 
-from lumpwatch.service.protocol import Counts
+from lumpwatch.service.protocol import Counts, Side
 
-Side = Literal["both", "only_current", "only_shadow"]
-SIDES: tuple[Side, ...] = ("both", "only_current", "only_shadow")
 _MARGIN_S = 1e-6
 """Time stamps are multiples of a frame interval: rounding must not decide."""
 

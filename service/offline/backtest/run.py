@@ -56,7 +56,7 @@ class Backtest:
         return sum(float(one.recording.intervals.sum()) for one in self.results[0].judged) / 3600
 
 
-def backtest(
+def run_backtest(
     setups: Sequence[Setup],
     clips: Sequence[Clip],
     terms: Terms,

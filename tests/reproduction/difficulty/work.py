@@ -25,7 +25,7 @@ from lumpwatch.service.simulator.feed import FeedSimulator, Truth
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.storage.label_file import Box
 from lumpwatch.service.storage.prior_file import Prior, decode_prior, encode_prior
-from lumpwatch.service.training.learn import train
+from lumpwatch.service.training.learner import train
 from tests.reproduction import matrix
 from tests.reproduction.difficulty.peers import OURS, PEERS, Peer
 from tests.reproduction.difficulty.simple import Said

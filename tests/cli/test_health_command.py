@@ -1,0 +1,125 @@
+"""`lumpwatch health` against a real telemetry server, and the check of shared memory."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+
+import pytest
+from prometheus_client import CollectorRegistry
+
+from lumpwatch.service.bus import SHARED_MEMORY_MIB
+from lumpwatch.service.cli import main
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.runtime.preflight import check_shared_memory
+from lumpwatch.service.telemetry.http import TelemetryServer
+from tests.integration.site import free_port
+from tests.service_helpers import site, site_tree
+
+
+class Judge:
+    """A daemon's health, set by hand."""
+
+    def __init__(self) -> None:
+        self.problems: list[str] = []
+
+    def live(self) -> list[str]:
+        return []
+
+    def ready(self) -> list[str]:
+        return self.problems
+
+    def started(self) -> list[str]:
+        return []
+
+
+@pytest.fixture
+def judge() -> Judge:
+    return Judge()
+
+
+@pytest.fixture
+def config(tmp_path: Path, judge: Judge) -> Iterator[Path]:
+    port = free_port()
+    file = tmp_path / "site.yaml"
+    file.write_text(json.dumps(site_tree() | {"telemetry": {"listen": f"0.0.0.0:{port}"}}))
+    with TelemetryServer(("127.0.0.1", port), CollectorRegistry(), judge):
+        yield file
+
+
+def test_ready_is_exit_code_0(config: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["health", str(config)]) == 0
+    assert capsys.readouterr().out == "ready\n"
+
+
+def test_what_is_wrong_is_printed(config: Path, judge: Judge, capsys: pytest.CaptureFixture[str]) -> None:
+    judge.problems = ["cam/apron: last decided 7.0 s ago", "cam/lip: has not decided yet"]
+    assert main(["health", str(config)]) == 1
+    assert capsys.readouterr().out.splitlines() == judge.problems
+    assert main(["health", str(config), "--of", "live"]) == 0
+
+
+def test_nobody_there_is_a_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "site.yaml"
+    file.write_text(json.dumps(site_tree() | {"telemetry": {"listen": f"127.0.0.1:{free_port()}"}}))
+    assert main(["health", str(file)]) == 1
+    assert "no answer" in capsys.readouterr().err
+
+
+def test_another_server_is_not_taken_for_the_daemon(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Other(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(b"hello")
+
+        def log_message(self, format: str, *args: object) -> None:
+            pass
+
+    server = HTTPServer(("127.0.0.1", 0), Other)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        file = tmp_path / "site.yaml"
+        file.write_text(
+            json.dumps(site_tree() | {"telemetry": {"listen": f"127.0.0.1:{server.server_port}"}})
+        )
+        assert main(["health", str(file)]) == 1
+        assert "not the answer" in capsys.readouterr().err
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_shared_memory_of_somebody_else_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By what the kernel answers; to root, who runs the tests in CI, everything is open."""
+    config = site(site_tree())
+    monkeypatch.setattr(os, "access", lambda place, mode: place != tmp_path)
+    with pytest.raises(ConfigError, match=f"{tmp_path} cannot be written by user {os.getuid()}"):
+        check_shared_memory(config, tmp_path)
+    without = config.model_copy(update={"bus": config.bus.model_copy(update={"shared_memory": False})})
+    check_shared_memory(without, tmp_path)
+
+
+def test_too_little_shared_memory_is_said_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def has(mib: int) -> None:
+        found = os.statvfs("/")
+        sized = os.statvfs_result((found[0], 4096, mib * 256, *found[3:]))
+        monkeypatch.setattr(os, "statvfs", lambda _: sized)
+
+    config = site(site_tree())
+    has(SHARED_MEMORY_MIB)
+    check_shared_memory(config, tmp_path)
+    has(SHARED_MEMORY_MIB - 1)
+    with pytest.raises(ConfigError, match=f"--shm-size={SHARED_MEMORY_MIB}m"):
+        check_shared_memory(config, tmp_path)
+    without = config.model_copy(update={"bus": config.bus.model_copy(update={"shared_memory": False})})
+    check_shared_memory(without, tmp_path)
+    check_shared_memory(config, tmp_path / "missing")

@@ -1,0 +1,227 @@
+"""What `deploy/` holds is valid by the published schemas, and keeps what the docs promise of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from deploy.kubernetes.make_rules import TARGET, text
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.deployment.bundling import CONFIG, USER
+from lumpwatch.service.runtime.preflight import SHARED_MEMORY_MIB
+
+ROOT = Path(__file__).parents[2]
+COMPOSE = ROOT / "deploy/compose/compose.yaml"
+KUBERNETES = ROOT / "deploy/kubernetes"
+CONFIGS = [
+    *sorted((ROOT / "deploy/compose").glob("*.yaml")),
+    *sorted(KUBERNETES.rglob("site.yaml")),
+]
+
+
+def read(path: Path) -> Any:
+    return YAML(typ="safe", pure=True).load(path.read_text())
+
+
+def mib(text: str) -> int:
+    number, unit = re.fullmatch(r"(?:\$\{\w+:-)?(\d+)([mgMG])i?\}?", text).groups()  # type: ignore[union-attr]
+    return int(number) * {"m": 1, "g": 1024}[unit.lower()]
+
+
+@pytest.mark.parametrize(
+    "path", [p for p in CONFIGS if p != COMPOSE], ids=lambda p: str(p.relative_to(ROOT / "deploy"))
+)
+def test_configurations_are_valid_and_reachable_in_a_container(path: Path) -> None:
+    config = parse_config(path.read_text(), path.name, {"CAM_PASSWORD": "x"})
+    assert config.telemetry.address == ("0.0.0.0", 9464)
+    assert config.bus.listen == ("tcp/0.0.0.0:7447",)
+    assert str(config.store.path) == "/var/lib/lumpwatch"
+
+
+def test_compose_is_valid_by_the_schema() -> None:
+    pytest.importorskip("check_jsonschema", reason="check-jsonschema is not installed")
+    done = subprocess.run(
+        [sys.executable, "-m", "check_jsonschema", "--builtin-schema", "vendor.compose-spec", str(COMPOSE)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", list(read(COMPOSE)["services"]))
+def test_every_service_of_compose_is_hardened_and_limited(name: str) -> None:
+    service = read(COMPOSE)["services"][name]
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    assert mib(service["mem_limit"]) >= 64
+    assert service["pids_limit"] > 0
+    assert service["restart"] == ("no" if name == "footage" else "unless-stopped")
+    assert name == "lumpwatch" or "healthcheck" in service  # lumpwatch: the image's own
+    for port in service.get("ports", []):
+        assert port.startswith("127.0.0.1:"), "published beyond loopback"
+    assert "@" in service["image"] or ":" in service["image"].rpartition("/")[2]
+
+
+def test_compose_refers_to_what_exists() -> None:
+    compose = read(COMPOSE)
+    for name, service in compose["services"].items():
+        for volume in service.get("volumes", []):
+            source = volume["source"] if isinstance(volume, dict) else volume.partition(":")[0]
+            source = re.sub(r"^\$\{\w+:-(.*)\}$", r"\1", source)
+            if source.startswith("./"):
+                assert (COMPOSE.parent / source).exists(), f"{name}: {source}"
+            elif not source.startswith("../"):
+                assert source in compose["volumes"], f"{name}: {source}"
+        for other in service.get("depends_on", []):
+            assert other in compose["services"]
+    datasource = read(COMPOSE.parent / "grafana/datasource.yaml")["datasources"][0]
+    assert datasource["uid"] == "prometheus"
+    assert datasource["url"] == "http://prometheus:9090"
+    cameras = len(parse_config((COMPOSE.parent / "site.yaml").read_text()).cameras)
+    assert mib(compose["services"]["lumpwatch"]["shm_size"]) >= SHARED_MEMORY_MIB * cameras
+
+
+@pytest.fixture(scope="module")
+def rendered() -> list[dict[str, Any]]:
+    """The objects of the example: rendered, or the base's files where kubectl is missing."""
+    if (kubectl := shutil.which("kubectl")) is None:
+        return [read(path) for path in (KUBERNETES / "base").glob("*.yaml") if "apiVersion" in read(path)]
+    done = subprocess.run(
+        [kubectl, "kustomize", str(KUBERNETES / "example")], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return list(YAML(typ="safe", pure=True).load_all(done.stdout))
+
+
+def test_kubernetes_objects_are_valid_by_the_schema(rendered: list[dict[str, Any]]) -> None:
+    validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
+    own = [
+        one for one in rendered if one["kind"] not in ("ServiceMonitor", "PrometheusRule", "Kustomization")
+    ]
+    assert {one["kind"] for one in own} >= {"StatefulSet", "Service", "PodDisruptionBudget", "NetworkPolicy"}
+    for one in own:
+        validate.validate(one, validate.latest_version(), strict=True)
+
+
+def test_a_workload_is_hardened_probed_and_has_what_the_daemon_needs(rendered: list[dict[str, Any]]) -> None:
+    workloads = [one for one in rendered if one["kind"] == "StatefulSet"]
+    assert workloads
+    for workload in workloads:
+        assert workload["spec"]["replicas"] == 1
+        pod = workload["spec"]["template"]["spec"]
+        assert pod["securityContext"]["runAsNonRoot"] is True
+        assert pod["securityContext"]["runAsUser"] == USER
+        assert pod["automountServiceAccountToken"] is False
+        (container,) = pod["containers"]
+        assert container["securityContext"] == {
+            "allowPrivilegeEscalation": False,
+            "readOnlyRootFilesystem": True,
+            "capabilities": {"drop": ["ALL"]},
+        }
+        assert container["args"][-1] == str(CONFIG)
+        pages = {kind: container[f"{kind}Probe"]["httpGet"] for kind in ("startup", "liveness", "readiness")}
+        assert {kind: page["path"] for kind, page in pages.items()} == {
+            "startup": "/startupz",
+            "liveness": "/livez",
+            "readiness": "/readyz",
+        }
+        assert {page["port"] for page in pages.values()} == {"metrics"}
+        mounts = {mount["name"]: mount["mountPath"] for mount in container["volumeMounts"]}
+        volumes = {volume["name"]: volume for volume in pod["volumes"]}
+        claims = {claim["metadata"]["name"] for claim in workload["spec"]["volumeClaimTemplates"]}
+        assert set(mounts) == set(volumes) | claims
+        assert mounts["store"] == "/var/lib/lumpwatch"
+        assert mounts["shm"] == "/dev/shm"
+        assert volumes["shm"]["emptyDir"]["medium"] == "Memory"
+        assert mib(volumes["shm"]["emptyDir"]["sizeLimit"].replace("i", "")) >= SHARED_MEMORY_MIB
+
+
+def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None:
+    if shutil.which("kubectl") is None:
+        pytest.skip("kubectl is not installed")
+    pods, secrets = {}, set()
+    for one in rendered:
+        if one["kind"] == "StatefulSet":
+            template = one["spec"]["template"]
+            pods[one["metadata"]["name"]] = template["metadata"]["labels"]
+            assert one["spec"]["selector"]["matchLabels"] == template["metadata"]["labels"]
+            volumes = {volume["name"]: volume for volume in template["spec"]["volumes"]}
+            secrets.add(volumes["camera"]["secret"]["secretName"])
+            assert template["spec"]["containers"][0]["image"] == "registry.example/lumpwatch:0.1.0"
+            maps = {o["metadata"]["name"] for o in rendered if o["kind"] == "ConfigMap"}
+            assert volumes["config"]["configMap"]["name"] in maps
+    assert secrets == {"camera-crusher-1", "camera-crusher-2"}
+
+    def chosen(selector: dict[str, str]) -> list[str]:
+        return [name for name, labels in pods.items() if selector.items() <= labels.items()]
+
+    for one in rendered:
+        spec = one.get("spec", {})
+        if one["kind"] == "Service":
+            assert chosen(spec["selector"]) == [one["metadata"]["name"]]
+            assert spec["publishNotReadyAddresses"] is True
+        elif one["kind"] == "PodDisruptionBudget":
+            assert chosen(spec["selector"]["matchLabels"]) == [one["metadata"]["name"]]
+        elif one["kind"] == "NetworkPolicy":
+            assert chosen(spec["podSelector"]["matchLabels"]) == [one["metadata"]["name"]]
+            (client,) = spec["ingress"][0]["from"]
+            assert list(client["podSelector"]) == ["matchExpressions"]
+    (monitor,) = [one for one in rendered if one["kind"] == "ServiceMonitor"]
+    services = [one for one in rendered if one["kind"] == "Service"]
+    wanted = monitor["spec"]["selector"]["matchLabels"]
+    assert all(wanted.items() <= one["metadata"]["labels"].items() for one in services)
+    assert {endpoint["port"] for endpoint in monitor["spec"]["endpoints"]} == {"metrics"}
+    # What the rules and dashboards select by.
+    (scrape,) = read(ROOT / "deploy/prometheus/prometheus.yml")["scrape_configs"]
+    assert {one["metadata"]["labels"][monitor["spec"]["jobLabel"]] for one in services} == {
+        scrape["job_name"]
+    }
+    (relabeling,) = monitor["spec"]["endpoints"][0]["relabelings"]
+    assert relabeling["targetLabel"] == "site"
+    assert {one["metadata"]["namespace"] for one in services} == {"north-pit"}
+
+
+def test_the_operator_gets_the_same_rules() -> None:
+    assert TARGET.read_text() == text()
+    spec = read(TARGET)["spec"]
+    files = sorted((ROOT / "deploy/prometheus/rules").glob("*.yml"))
+    assert spec["groups"] == [group for file in files for group in read(file)["groups"]]
+
+
+def test_what_the_image_is_made_of_is_written_down(tmp_path: Path) -> None:
+    """`make sbom`: every locked package of the image is in it, with its version."""
+    done = subprocess.run(["make", "sbom"], cwd=ROOT, capture_output=True, text=True, timeout=170)
+    if done.returncode:
+        pytest.skip(f"cyclonedx-bom cannot be run: {done.stderr.strip().splitlines()[-1]}")
+    made = json.loads((ROOT / "build/sbom.json").read_text())
+    assert made["bomFormat"] == "CycloneDX"
+    lock = (ROOT / "deploy/container/requirements.lock").read_text()
+    locked = dict(re.findall(r"^([\w.-]+)==([^\s;]+)", lock, re.MULTILINE))
+    assert {one["name"]: one["version"] for one in made["components"]} == locked
+    assert {"numba", "eclipse-zenoh", "pydantic"} <= set(locked)
+
+
+def test_the_dockerfile_is_clean() -> None:
+    hadolint = shutil.which("hadolint", path=str(Path(sys.executable).parent)) or shutil.which("hadolint")
+    if hadolint is None:
+        pytest.skip("hadolint is not installed")
+    done = subprocess.run([hadolint, str(ROOT / "Dockerfile")], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_image_needs_no_shell_and_no_root() -> None:
+    final = (ROOT / "Dockerfile").read_text().rpartition("\nFROM ")[2]
+    assert f"USER {USER}:{USER}" in final
+    for instruction in ("ENTRYPOINT", "CMD", "HEALTHCHECK"):
+        (line,) = re.findall(rf"^{instruction} (?:.*\\\n\s*CMD )?(.*)$", final, re.MULTILINE)
+        assert line.startswith("["), f"{instruction} by a shell: signals would not reach the daemon"
