@@ -91,7 +91,7 @@ docs: setup ## the generated part of the documentation
 lock: setup ## resolve the dependencies anew
 	$(BIN)/uv pip compile --quiet pyproject.toml --group dev --all-extras --universal --python-version 3.11 \
 		--generate-hashes --no-header --no-emit-find-links --output-file requirements.lock
-	$(BIN)/uv pip compile --quiet pyproject.toml --extra plot --universal --python-version 3.11 --constraint requirements.lock \
+	$(BIN)/uv pip compile --quiet pyproject.toml --extra service --extra plot --universal --python-version 3.11 --constraint requirements.lock \
 		--generate-hashes --no-header --no-emit-find-links --output-file deploy/container/requirements.lock
 
 sbom: setup ## what the image is made of, as CycloneDX, into build/sbom.json

@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from lumpwatch.service.errors import LumpwatchError
 
@@ -58,8 +58,20 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
     modules = [module for module, names in _MODULES.items() if command is None or command in names]
     for module in modules:
-        importlib.import_module(f"lumpwatch.service.cli.{module}").add(commands)
+        _module(module).add(commands)
     return top
+
+
+def _module(name: str) -> Any:
+    """A module of this package. Raises LumpwatchError where the installation holds the numerics alone."""
+    try:
+        return importlib.import_module(f"lumpwatch.service.cli.{name}")
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("lumpwatch"):
+            raise
+        raise LumpwatchError(
+            f"the package {error.name} is missing, which the command needs: pip install 'lumpwatch[service]'"
+        ) from error
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -68,10 +80,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     alone = {"--version", *(name for names in _MODULES.values() for name in names)}
     try:
         arguments = parser(given[0] if given and given[0] in alone else None).parse_args(given)
+        return int(arguments.command(arguments))
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
-    try:
-        return int(arguments.command(arguments))
     except LumpwatchError as error:
         sys.stderr.write(f"lumpwatch: {error}\n")
         return error.exit_code
