@@ -12,11 +12,16 @@ Two forms of existence:
 
 Two orders of drawing: `state_first` moves x by alpha_{t-1} and then draws alpha_t, as Eq. 9 has it
 literally; `model_first` draws alpha_t and moves by it.
+
+What the step normalises by is the evidence of the picture, p(Z_t | Z_1:t-1) over that of a picture without
+an object. It costs one logarithm; its sum over a clip compares motion models and noise (Doucet, Johansen 2009,
+section 3.5: the estimate of the product is unbiased).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf, log
 from typing import Literal
 
 import numpy as np
@@ -26,7 +31,7 @@ from numpy.typing import NDArray
 from lumpwatch.models.jdt.births import Births
 from lumpwatch.models.jdt.existence import ExistenceChain
 from lumpwatch.models.jdt.motion import MotionModel, move_by_label
-from lumpwatch.models.jdt.resampling import effective_size, systematic
+from lumpwatch.models.jdt.resampling import Resampler, effective_size, systematic
 from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.jdt.switching import Switching, draw
 from lumpwatch.models.likelihood.base import Observation
@@ -54,6 +59,8 @@ class Step:
     estimate: Estimate | None
     """None where no particle exists."""
     diagnostics: Diagnostics
+    log_evidence: float
+    """log of p(Z_t | Z_1:t-1) over the same without an object; -inf where no particle can be right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +79,8 @@ class JdtFilter:
     order: Order = "model_first"
     least_share: float = 0.0
     """Share of the survivors that each motion model gets at least, however improbable it is (see `_propagate`)."""
+    resampler: Resampler = systematic
+    """Which particles live on."""
 
     def __post_init__(self) -> None:
         """Raises ValueError where the models cannot all have their least share."""
@@ -109,17 +118,19 @@ class JdtFilter:
         mass = np.empty(len(states))
         mass[: len(old_states)] = alive / len(old_states) * correction
         mass[len(old_states) :] = born / len(new_states)
-        ratio, absent_ratio = _ratios(observation.log_ratio(states))
+        ratio, absent_ratio, log_scale = _ratios(observation.log_ratio(states))
         weights = mass * ratio
         total = float(weights.sum())
+        evidence = total + (1.0 - alive - born) * absent_ratio
+        log_evidence = _log(evidence) + log_scale
         if total <= 0.0:  # no particle is where an object could be: search anew
-            return Step(self.start(rng), None, Diagnostics(0.0, fell_back))
-        existence = total / (total + (1.0 - alive - born) * absent_ratio)
+            return Step(self.start(rng), None, Diagnostics(0.0, fell_back), log_evidence)
+        existence = total / evidence
 
         estimate = _estimate(states, labels, weights, len(self.models))
-        kept = systematic(weights, len(old_states), rng)
+        kept = self.resampler(weights, len(old_states), rng)
         after = Belief(states.take(kept, axis=0), labels[kept], np.ones(len(kept), dtype=np.bool_), existence)
-        return Step(after, estimate, Diagnostics(effective_size(weights), fell_back))
+        return Step(after, estimate, Diagnostics(effective_size(weights), fell_back), log_evidence)
 
     def _step_sampled(
         self, belief: Belief, observation: Observation, dt: float, rng: np.random.Generator
@@ -135,17 +146,19 @@ class JdtFilter:
         )
         states[newborn], labels[newborn] = self.births.draw(int(newborn.sum()), rng)
 
-        ratio, absent_ratio = _ratios(observation.log_ratio(states[exists]))
+        ratio, absent_ratio, log_scale = _ratios(observation.log_ratio(states[exists]))
         weights = np.full(len(states), absent_ratio)
         weights[exists] = ratio * correction[exists]
-        if float(weights.sum()) <= 0.0:  # all exist, and none where an object could be: search anew
-            return Step(self.start(rng), None, Diagnostics(0.0, fell_back))
+        total = float(weights.sum())
+        log_evidence = _log(total / len(weights)) + log_scale
+        if total <= 0.0:  # all exist, and none where an object could be: search anew
+            return Step(self.start(rng), None, Diagnostics(0.0, fell_back), log_evidence)
 
         alive = weights * exists
         estimate = _estimate(states, labels, alive, len(self.models)) if exists.any() else None
-        kept = systematic(weights, len(states), rng)
+        kept = self.resampler(weights, len(states), rng)
         after = Belief(states.take(kept, axis=0), labels[kept], exists[kept], float(exists[kept].mean()))
-        return Step(after, estimate, Diagnostics(effective_size(alive), fell_back))
+        return Step(after, estimate, Diagnostics(effective_size(alive), fell_back), log_evidence)
 
     def _propagate(
         self, states: States, labels: Labels, dt: float, rng: np.random.Generator
@@ -173,10 +186,17 @@ class JdtFilter:
         return following, rows[each, following] / proposal[each, following]
 
 
-def _ratios(log_ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Likelihood ratios with E = 1 and with E = 0 (Eq. 15), divided by the largest so that none overflows."""
+def _ratios(log_ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
+    """Likelihood ratios with E = 1 and with E = 0 (Eq. 15), divided by the largest so that none overflows.
+
+    Third the logarithm of what they were divided by.
+    """
     largest = max(float(log_ratio.max(initial=0.0)), 0.0)
-    return np.exp(log_ratio - largest), float(np.exp(-largest))
+    return np.exp(log_ratio - largest), float(np.exp(-largest)), largest
+
+
+def _log(value: float) -> float:
+    return log(value) if value > 0.0 else -inf
 
 
 def _estimate(states: States, labels: Labels, weights: NDArray[np.float64], models: int) -> Estimate | None:

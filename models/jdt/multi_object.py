@@ -84,6 +84,8 @@ class MultiStep:
     belief: MultiBelief
     diagnostics: Diagnostics
     """Those of the oldest track, or of the search where there is none."""
+    log_evidence: float
+    """The sum over all tracks and the search: that of the union, as far as their pictures do not overlap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,12 +133,14 @@ class MultiJdtFilter:
         seen_looks = looks() if looks is not None and len(belief.tracks) > 1 else None
         follower = self._follower()
         diagnostics = None
+        log_evidence = 0.0
         tracks: list[Track] = []
         boxes = [_predicted(track, dt) for track in belief.tracks]
         for i, track in enumerate(belief.tracks):
             others = np.array(boxes[:i] + boxes[i + 1 :]).reshape(-1, 8)
             seen = _Uncovered(observation, seen_looks, track.description, others, self)
             step = follower.step(track.belief, seen, dt, rng)
+            log_evidence += step.log_evidence
             if step.estimate is None or step.belief.existence < self.lost_below:
                 continue
             diagnostics = diagnostics or step.diagnostics
@@ -146,12 +150,14 @@ class MultiJdtFilter:
 
         unexplained = _Unexplained(observation, _boxes(tracks), self.apart)
         step = self.single.step(belief.search, unexplained, dt, rng)
+        log_evidence += step.log_evidence
         search, next_id = step.belief, belief.next_id
         found = step.estimate is not None and search.existence > self.found_above
         if found and len(tracks) < self.most and step.estimate is not None:
             tracks.append(self._promote(search, step.estimate, next_id, rng))
             search, next_id = self.single.start(rng), next_id + 1
-        return MultiStep(MultiBelief(tuple(tracks), search, next_id), diagnostics or step.diagnostics)
+        after = MultiBelief(tuple(tracks), search, next_id)
+        return MultiStep(after, diagnostics or step.diagnostics, log_evidence)
 
     def _follower(self) -> JdtFilter:
         """The filter of a track: no births, fewer particles."""

@@ -38,8 +38,8 @@ class LineFilter:
         kernel = np.exp(-0.5 * (gap / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
         return kernel @ density * self.cell
 
-    def step(self, density: Array, existence: float, ratio: Array) -> tuple[Array, float]:
-        """Density (label, x) given existence, and existence, after one frame with the given ratio (n,)."""
+    def step(self, density: Array, existence: float, ratio: Array) -> tuple[Array, float, float]:
+        """Density (label, x) given existence, existence, and the frame's evidence, for the given ratio (n,)."""
         models = range(len(self.speeds))
         if self.model_first:
             labelled = np.einsum("ax,axb->bx", density, self.rows)
@@ -52,7 +52,8 @@ class LineFilter:
         alive, born = (1 - self.p_death) * existence, self.p_birth * (1 - existence)
         mass = (alive * survived + born * self.birth) * ratio
         total = float(mass.sum() * self.cell)
-        return mass / total, total / (total + 1 - alive - born)
+        evidence = total + 1 - alive - born
+        return mass / total, total / evidence, evidence
 
 
 def hmm_step(labels: Array, matrix: Array, emission: Array, model_first: bool) -> tuple[Array, float]:
@@ -67,13 +68,18 @@ def hmm_step(labels: Array, matrix: Array, emission: Array, model_first: bool) -
 
 def kalman_step(
     mean: Array, covariance: Array, dt: float, noise: float, measured: float, measured_noise: float
-) -> tuple[Array, Array]:
-    """Predict and update (position, velocity) under white-noise acceleration and a measured position."""
+) -> tuple[Array, Array, float]:
+    """Predict and update (position, velocity) under white-noise acceleration and a measured position.
+
+    Third the log density of the measurement given those before it.
+    """
     move = np.array([[1.0, dt], [0.0, 1.0]])
     drive = noise**2 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     mean, covariance = move @ mean, move @ covariance @ move.T + drive
-    gain = covariance[:, 0] / (covariance[0, 0] + measured_noise**2)
-    return mean + gain * (measured - mean[0]), covariance - np.outer(gain, covariance[0])
+    spread = covariance[0, 0] + measured_noise**2
+    gain, surprise = covariance[:, 0] / spread, measured - mean[0]
+    log_density = -0.5 * (surprise**2 / spread + np.log(2 * np.pi * spread))
+    return mean + gain * surprise, covariance - np.outer(gain, covariance[0]), float(log_density)
 
 
 def assert_agrees(runs: Array, exact: Array, allowance: float) -> None:

@@ -7,6 +7,7 @@ standard errors plus a stated allowance for the bias of order 1/N that every par
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,9 +17,10 @@ from lumpwatch.models.jdt.density import GridDensity
 from lumpwatch.models.jdt.existence import ExistenceChain
 from lumpwatch.models.jdt.filter import Form, JdtFilter, Order
 from lumpwatch.models.jdt.motion import ConstantVelocity
+from lumpwatch.models.jdt.resampling import Resampler, multinomial, stratified, systematic
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching
 from lumpwatch.models.state import VX, Belief, States, X, blank
-from tests.models.filters import both_forms, both_orders
+from tests.models.filters import NEVER, belief_of, both_forms, both_orders, make_filter
 from tests.models.helpers import Drift, Marker, Seen, births_over, boxes, flat_profile
 from tests.models.oracles import LineFilter, assert_agrees, hmm_step, kalman_step
 
@@ -60,7 +62,7 @@ def measurement(z: float, noise: float) -> Seen:
 
 
 def exact_line(adaptive: bool, model_first: bool, frames: int) -> Array:
-    """Existence, mean of x and share of the second model after each frame (frames, 3)."""
+    """Existence, mean of x, share of the second model and log evidence of each frame (frames, 4)."""
     knots = np.arange(-20.0, 110.0, 0.2) + 0.1
     levels = np.ones((len(knots), 2))
     if adaptive:
@@ -74,9 +76,10 @@ def exact_line(adaptive: bool, model_first: bool, frames: int) -> Array:
     line = LineFilter(knots, (1.0, 6.0), (1.5, 2.5), rows, birth, p_birth, p_death, DT, model_first)
     density, existence, seen = birth, 0.0, []
     for t in range(frames):
-        density, existence = line.step(density, existence, np.exp(evidence(t)(knots)))
+        density, existence, seen_evidence = line.step(density, existence, np.exp(evidence(t)(knots)))
         given = density * line.cell
-        seen.append([existence, float(given.sum(axis=0) @ knots), float(given[1].sum())])
+        place, share = float(given.sum(axis=0) @ knots), float(given[1].sum())
+        seen.append([existence, place, share, np.log(seen_evidence)])
     return np.array(seen)
 
 
@@ -86,8 +89,8 @@ def exact_line(adaptive: bool, model_first: bool, frames: int) -> Array:
 def test_grid_filter(form: Form, order: Order, adaptive: bool) -> None:
     """Two models drift along a line; births, deaths, switching and evidence as a grid computes them.
 
-    Allowances for the bias: 0.004 of existence, 0.06 px, 0.006 of the share; while existence is below
-    0.1 the sampled form has too few particles alive to judge where they are.
+    Allowances for the bias: 0.004 of existence, 0.06 px, 0.006 of the share, 0.006 of the log evidence; while
+    existence is below 0.1 the sampled form has too few particles alive to judge where they are.
     """
     frames = 12
     exact = exact_line(adaptive, order == "model_first", frames)
@@ -105,20 +108,23 @@ def test_grid_filter(form: Form, order: Order, adaptive: bool) -> None:
         form=form,
         order=order,
     )
-    runs = np.empty((len(SEEDS), frames, 3))
+    runs = np.empty((len(SEEDS), frames, 4))
     for run, seed in enumerate(SEEDS):
         rng = np.random.default_rng(seed)
         belief = jdt.start(rng)
         for t in range(frames):
-            belief = jdt.step(belief, along_x(evidence(t)), DT, rng).belief
+            step = jdt.step(belief, along_x(evidence(t)), DT, rng)
+            belief = step.belief
             x, labels = belief.states[belief.exists, X], belief.labels[belief.exists]
-            runs[run, t] = belief.existence, x.mean(), labels.mean()
+            runs[run, t] = belief.existence, x.mean(), labels.mean(), step.log_evidence
     assert_agrees(runs[:, :, 0], exact[:, 0], 0.004)
     judged = exact[:, 0] >= 0.1
     assert judged.sum() >= 8
     assert exact[-1, 0] > 0.9
     assert_agrees(runs[:, judged, 1], exact[judged, 1], 0.06)
     assert_agrees(runs[:, judged, 2], exact[judged, 2], 0.006)
+    assert np.ptp(exact[:, 3]) > 1.0
+    assert_agrees(runs[:, :, 3], exact[:, 3], 0.006)
 
 
 def test_grid_cases_differ() -> None:
@@ -147,32 +153,36 @@ def test_hidden_markov_model(form: Form, order: Order) -> None:
         form=form,
         order=order,
     )
-    exact = np.empty((len(EMISSIONS), 2))
+    exact = np.empty((len(EMISSIONS), 3))
     labels, existence = np.array([0.75, 0.25]), 0.5
     for t, emission in enumerate(EMISSIONS):
         labels, ratio = hmm_step(labels, MATRIX, emission, order == "model_first")
-        existence = existence * ratio / (existence * ratio + 1 - existence)
-        exact[t] = existence, labels[1]
+        total = existence * ratio + 1 - existence
+        existence = existence * ratio / total
+        exact[t] = existence, labels[1], np.log(total)
 
     n = 4000 if form == "sampled" else 2800
     index = np.arange(n)
     exists = np.ones(n, np.bool_) if form == "marginal" else index % 2 == 0
     start = Belief(boxes(n), (index % 8 >= 6).astype(np.intp), exists, 0.5)
-    runs = np.empty((len(SEEDS), len(EMISSIONS), 2))
+    runs = np.empty((len(SEEDS), len(EMISSIONS), 3))
     for run, seed in enumerate(SEEDS):
         rng, belief = np.random.default_rng(seed), start
         for t, emission in enumerate(EMISSIONS):
-            belief = jdt.step(belief, marks(np.log(emission)), DT, rng).belief
-            runs[run, t] = belief.existence, belief.labels[belief.exists].mean()
+            step = jdt.step(belief, marks(np.log(emission)), DT, rng)
+            belief = step.belief
+            runs[run, t] = belief.existence, belief.labels[belief.exists].mean(), step.log_evidence
     assert_agrees(runs, exact, 0.002)
 
 
+@pytest.mark.parametrize("resampler", [systematic, stratified, multinomial])
 @both_forms
-def test_kalman_filter(form: Form) -> None:
+def test_kalman_filter(form: Form, resampler: Resampler) -> None:
     """One object that surely exists, white-noise acceleration, position measured with Gaussian noise.
 
-    Compared: means of position and velocity, their variances and their covariance. Allowances: 0.05 of
-    the standard deviation for the means, 5 % for the second moments.
+    Compared: means of position and velocity, their variances and their covariance, and the log evidence, by
+    three schemes of resampling. Allowances: 0.05 of the standard deviation for the means, 5 % for the second
+    moments, 0.01 for the evidence.
     """
     dt, noise, measured_noise, frames = 0.2, 8.0, 1.5, 15
     truth = np.random.default_rng(99)
@@ -183,10 +193,12 @@ def test_kalman_filter(form: Form) -> None:
         place += speed * dt
         measured.append(place + measured_noise * truth.standard_normal())
     mean, covariance = np.array([18.0, 0.0]), np.diag([9.0, 64.0])
-    exact = np.empty((frames, 5))
+    exact = np.empty((frames, 6))
     for t, z in enumerate(measured):
-        mean, covariance = kalman_step(mean, covariance, dt, noise, z, measured_noise)
-        exact[t] = *mean, covariance[0, 0], covariance[1, 1], covariance[0, 1]
+        mean, covariance, log_density = kalman_step(mean, covariance, dt, noise, z, measured_noise)
+        exact[t, :5] = *mean, covariance[0, 0], covariance[1, 1], covariance[0, 1]
+        # What `measurement` leaves out of the Gaussian's density.
+        exact[t, 5] = log_density + 4.0 + np.log(np.sqrt(2 * np.pi) * measured_noise)
 
     jdt = JdtFilter(
         (ConstantVelocity("only", noise),),
@@ -196,9 +208,10 @@ def test_kalman_filter(form: Form) -> None:
         ExistenceChain(1e-12, 1e-12),
         particles=4000,
         form=form,
+        resampler=resampler,
     )
     n = 4000 if form == "sampled" else 2800
-    runs = np.empty((len(SEEDS), frames, 5))
+    runs = np.empty((len(SEEDS), frames, 6))
     for run, seed in enumerate(SEEDS):
         rng = np.random.default_rng(seed)
         states: States = blank(n)
@@ -206,10 +219,22 @@ def test_kalman_filter(form: Form) -> None:
         states[:, VX] = 8.0 * rng.standard_normal(n)
         belief = Belief(states, np.zeros(n, np.intp), np.ones(n, np.bool_), 1.0)
         for t, z in enumerate(measured):
-            belief = jdt.step(belief, measurement(z, measured_noise), dt, rng).belief
+            step = jdt.step(belief, measurement(z, measured_noise), dt, rng)
+            belief = step.belief
             x, v = belief.states[:, X], belief.states[:, VX]
-            runs[run, t] = x.mean(), v.mean(), x.var(), v.var(), np.cov(x, v)[0, 1]
+            runs[run, t] = x.mean(), v.mean(), x.var(), v.var(), np.cov(x, v)[0, 1], step.log_evidence
         assert belief.existence == pytest.approx(1.0, abs=1e-9)
     deviation = np.sqrt(exact[:, 2:4])
     assert_agrees(runs[:, :, :2] / deviation, exact[:, :2] / deviation, 0.05)
-    assert_agrees(runs[:, :, 2:] / exact[:, 2:], np.ones((frames, 3)), 0.05)
+    assert_agrees(runs[:, :, 2:5] / exact[:, 2:5], np.ones((frames, 3)), 0.05)
+    assert_agrees(runs[:, :, 5], exact[:, 5], 0.01)
+
+
+@both_forms
+def test_where_nothing_can_be_right_the_evidence_is_zero(form: Form) -> None:
+    """An object that surely exists, and a picture that rules every place out."""
+    jdt = make_filter(form=form, chain=NEVER)
+    belief = replace(belief_of(jdt, 1.0), existence=1.0)
+    step = jdt.step(belief, Seen(lambda states: np.full(len(states), -np.inf)), DT, np.random.default_rng(0))
+    assert step.log_evidence == -np.inf if form == "sampled" else step.log_evidence < -20.0
+    assert step.estimate is None

@@ -1,4 +1,4 @@
-"""Systematic resampling: unbiased, as even as it can be, and never a dead particle."""
+"""Resampling: every scheme unbiased and never a dead particle; the systematic one as even as it can be."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from lumpwatch.models.jdt.resampling import effective_size, systematic
+from lumpwatch.models.jdt.resampling import Resampler, effective_size, multinomial, stratified, systematic
 
 weight_lists = st.lists(st.one_of(st.just(0.0), st.floats(1e-3, 1e3)), min_size=1, max_size=40).filter(
     lambda values: sum(values) > 0
 )
+
+every_scheme = pytest.mark.parametrize("scheme", [systematic, stratified, multinomial])
 
 
 def test_offspring_are_unbiased() -> None:
@@ -31,6 +33,30 @@ def test_offspring_are_unbiased() -> None:
     assert np.all(np.abs(counts / draws - expected) <= 6 * error + 1e-9)
 
 
+@pytest.mark.parametrize("scheme", [stratified, multinomial])
+def test_offspring_of_the_other_schemes_are_unbiased(scheme: Resampler) -> None:
+    """Their variance is at most that of independent draws, N w (1 - w); six standard errors as above."""
+    weights = np.array([0.05, 0.31, 0.0, 0.011, 0.2, 0.149, 0.27, 0.01])
+    draws, n, rng = 20_000, 10, np.random.default_rng(0)
+    counts = np.zeros((draws, len(weights)))
+    for k in range(draws):
+        counts[k] = np.bincount(scheme(weights, n, rng), minlength=len(weights))
+    error = np.sqrt(n * weights * (1 - weights) / draws)
+    assert np.all(np.abs(counts.mean(axis=0) - n * weights) <= 6 * error + 1e-9)
+
+
+def test_spread_falls_from_multinomial_to_stratified() -> None:
+    """Of one particle with half the weight among many: N w (1 - w) = 5 when drawn independently, and at most
+    the 1/4 of the one stratum that it shares when each stratum is drawn by itself."""
+    weights, rng = np.array([0.505, *[0.495 / 50] * 50]), np.random.default_rng(1)
+    spread = {
+        scheme: np.var([np.sum(scheme(weights, 20, rng) == 0) for _ in range(4000)])
+        for scheme in (multinomial, stratified)
+    }
+    assert spread[multinomial] == pytest.approx(5.0, rel=0.15)
+    assert spread[stratified] <= 0.25
+
+
 @given(weight_lists, st.integers(1, 60), st.integers(0, 2**32))
 def test_offspring_lie_between_floor_and_ceiling(weights: list[float], n: int, seed: int) -> None:
     w = np.array(weights)
@@ -43,10 +69,13 @@ def test_offspring_lie_between_floor_and_ceiling(weights: list[float], n: int, s
     assert np.all(np.diff(indices) >= 0)
 
 
-@given(weight_lists, st.integers(1, 200), st.integers(0, 2**32))
-def test_particle_without_weight_is_never_drawn(weights: list[float], n: int, seed: int) -> None:
-    w = np.array(weights)
-    assert np.all(w[systematic(w, n, np.random.default_rng(seed))] > 0)
+@every_scheme
+@given(weights=weight_lists, n=st.integers(1, 200), seed=st.integers(0, 2**32))
+def test_particle_without_weight_is_never_drawn(
+    scheme: Resampler, weights: list[float], n: int, seed: int
+) -> None:
+    w = np.array([0.0, *weights, 0.0])
+    assert np.all(w[scheme(w, n, np.random.default_rng(seed))] > 0)
 
 
 @dataclass
@@ -76,10 +105,11 @@ def test_weights_need_not_sum_to_one(weights: list[float], seed: int, power: int
     assert np.array_equal(systematic(w * 2.0**power, 50, np.random.default_rng(seed)), plain)
 
 
+@every_scheme
 @pytest.mark.parametrize("weights", [[0.0, 0.0], [np.nan, 1.0], [1.0, np.nan], [np.inf, 1.0], [-1.0, 0.5]])
-def test_degenerate_weights_are_refused(weights: list[float]) -> None:
+def test_degenerate_weights_are_refused(scheme: Resampler, weights: list[float]) -> None:
     with pytest.raises(ValueError, match="positive, finite sum"):
-        systematic(np.array(weights), 5, np.random.default_rng(0))
+        scheme(np.array(weights), 5, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from lumpwatch.models.jdt.motion import MotionModel, move_by_label
-from lumpwatch.models.jdt.resampling import systematic
+from lumpwatch.models.jdt.resampling import Resampler, systematic
 from lumpwatch.models.state import Estimate, Labels, States
 
 Array = NDArray[np.float64]
@@ -78,6 +78,8 @@ class ImmFilter:
 
     models: tuple[MotionModel, ...]
     options: ImmOptions = ImmOptions()
+    resampler: Resampler = systematic
+    """Which particles live on."""
 
     def __post_init__(self) -> None:
         """Raises ValueError where the options do not fit the number of models."""
@@ -107,13 +109,13 @@ class ImmFilter:
         return predict_all(self.models, belief.states, belief.labels, dt, rng)
 
     def correct(self, belief: ImmBelief, states: States, log_likelihood: Array) -> tuple[ImmBelief, float]:
-        """Weigh moved states (N, 8) by log p(Z | X) (N,), Eq. 8 and 9; also the log of the mean likelihood.
+        """Weigh moved states (N, 8) by log p(Z | X) (N,), Eq. 8 and 9; also the log evidence.
 
-        The mean is over Eq. 6 before the correction. It is -inf, and the weights stay, where no
-        particle can be right.
+        The evidence is the mean likelihood over Eq. 6 before the correction. Its logarithm is -inf, and the
+        weights stay, where no particle can be right.
         """
-        weights, shares, mean = _correct(belief.weights, belief.labels, belief.shares, log_likelihood)
-        return ImmBelief(states, weights, belief.labels, shares, belief.steps + 1), float(mean)
+        weights, shares, log_evidence = _correct(belief.weights, belief.labels, belief.shares, log_likelihood)
+        return ImmBelief(states, weights, belief.labels, shares, belief.steps + 1), float(log_evidence)
 
     def resample(self, belief: ImmBelief, before: ImmBelief, rng: np.random.Generator) -> ImmBelief:
         """Resample as this step has it; missing particles are drawn around `before`, the belief before the step."""
@@ -125,7 +127,7 @@ class ImmFilter:
         return belief
 
     def _over_all(self, belief: ImmBelief, before: ImmBelief, rng: np.random.Generator) -> ImmBelief:
-        kept = systematic(joint_weights(belief), len(belief.weights), rng)
+        kept = self.resampler(joint_weights(belief), len(belief.weights), rng)
         labels = belief.labels[kept]
         wanted = _topped_up(np.bincount(labels, minlength=len(self.models)), self.least)
         states, labels = self._filled(belief.states.take(kept, axis=0), labels, wanted, before, rng)
@@ -134,7 +136,7 @@ class ImmFilter:
     def _within_models(self, belief: ImmBelief, before: ImmBelief, rng: np.random.Generator) -> ImmBelief:
         numbers = np.bincount(belief.labels, minlength=len(self.models))
         chosen = [
-            members[systematic(belief.weights[members], len(members), rng)]
+            members[self.resampler(belief.weights[members], len(members), rng)]
             for m in range(len(self.models))
             if len(members := np.flatnonzero(belief.labels == m))
         ]

@@ -139,7 +139,7 @@ class ImmPfTracker:
     ) -> None:
         o, before = self._options, target.belief
         boxes = observe(seen, states, target.reference, target.usual, o.observation, *others)
-        belief, mean_log = self._filter.correct(before, states, -boxes.cost)
+        belief, log_evidence = self._filter.correct(before, states, -boxes.cost)
         weights = joint_weights(belief)
         after = estimate(belief)
         target.state, target.spread = self._sized(after.mean), after.spread
@@ -152,10 +152,10 @@ class ImmPfTracker:
         target.hidden_s = 0.0
         keep = exp(-visible * dt / o.usual_s)
         target.usual = keep * target.usual + (1.0 - keep) * float(weights @ boxes.looks)
-        ratio = float(np.clip(mean_log + o.absent_cost, -o.most_evidence, o.most_evidence))
+        ratio = float(np.clip(log_evidence + o.absent_cost, -o.most_evidence, o.most_evidence))
         ratio *= visible * min(1.0, dt / o.independent_s)
         target.log_odds = float(np.clip(target.log_odds + ratio, -o.most_log_odds, o.most_log_odds))
-        target.weak_s = target.weak_s + dt if mean_log < -o.absent_cost else 0.0
+        target.weak_s = target.weak_s + dt if log_evidence < -o.absent_cost else 0.0
         if target.log_odds > o.confirm_log_odds and not target.confirmed:
             target.confirmed = True
             self._recognise(target)
