@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import struct
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -88,6 +90,12 @@ def mute(connection: Connection) -> None:
     """Never opens the line at all, and ignores signals."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)
+    time.sleep(600)
+
+
+def broken_off(connection: Connection) -> None:
+    """Sends the beginning of a message and hangs; a length of 1000 bytes, and four of them."""
+    os.write(connection.fileno(), struct.pack("!i", 1000) + b"half")
     time.sleep(600)
 
 

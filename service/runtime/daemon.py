@@ -13,9 +13,10 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Protocol
 
 from prometheus_client import CollectorRegistry
 
@@ -24,7 +25,7 @@ from lumpwatch.service.capture import run_camera
 from lumpwatch.service.config import BusConfig, CameraConfig, SiteConfig
 from lumpwatch.service.monitor import run_monitor
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
-from lumpwatch.service.telemetry import DaemonMetrics, Relay, TelemetryServer
+from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
 
 log = logging.getLogger(__name__)
 
@@ -43,19 +44,38 @@ class Addresses:
     telemetry: str
 
 
+class Workers(Protocol):
+    """The worker processes, as the daemon sees them; `Supervisor` is one."""
+
+    def reports(self) -> Mapping[tuple[str, str], Report | None]:
+        """The last report of each by role and camera; None: not heard since its start."""
+
+    def watch(self) -> None:
+        """Hear all, kill the stuck, start the dead; never waits."""
+
+    def stop(self) -> tuple[str, ...]:
+        """Stop all in bounded time; gives those that cannot be stopped."""
+
+
 class DaemonHealth:
     """Health as `/livez`, `/readyz` and `/startupz` report it."""
 
-    def __init__(self, config: SiteConfig, supervisor: Supervisor) -> None:
+    def __init__(
+        self, config: SiteConfig, workers: Workers, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._config = config
-        self._supervisor = supervisor
+        self._workers = workers
+        self._clock = clock
         self._started = False
-        self.watched_s = time.monotonic()
-        """When the daemon last looked at its workers."""
+        self._watched_s = clock()
+
+    def watched(self) -> None:
+        """The daemon has just watched its workers."""
+        self._watched_s = self._clock()
 
     def live(self) -> list[str]:
         """The watching loop turns."""
-        late = time.monotonic() - self.watched_s
+        late = self._clock() - self._watched_s
         return [f"workers were not watched for {late:.0f} s"] if late > _WATCH_LATE_S else []
 
     def ready(self) -> list[str]:
@@ -76,11 +96,11 @@ class DaemonHealth:
         return []
 
     def _problem(self, camera: CameraConfig, roi: str) -> str | None:
-        report = self._supervisor.reports().get(("monitor", camera.id))
+        report = self._workers.reports().get(("monitor", camera.id))
         decided = report.decided.get(roi) if report is not None else None
         if decided is None:
             return f"{camera.id}/{roi}: has not decided yet"
-        ago = time.monotonic() - decided
+        ago = self._clock() - decided
         return f"{camera.id}/{roi}: last decided {ago:.1f} s ago" if ago > camera.blind_after_s else None
 
 
@@ -92,6 +112,9 @@ def run(
     on_ready: Callable[[Addresses], None] = lambda _: None,
 ) -> None:
     """Run until `stop` is set, then stop every process within some 5 s.
+
+    Where one is left that even SIGKILL does not end, this process ends at once with code 1 instead: the
+    interpreter would wait for its child for ever.
 
     `cameras` limits the daemon to some cameras and `roles` to one kind of process, for a fleet in
     which each runs elsewhere. Raises BusError and TelemetryError where an address cannot be used.
@@ -107,7 +130,7 @@ def run(
         stack.callback(hub.close)
         inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
         chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
-        tasks = [task for camera in chosen for task in _tasks(inner, camera) if task.role in roles]
+        tasks = [task for camera in chosen for task in tasks_of(inner, camera) if task.role in roles]
         for task in tasks:
             metrics.watched(task.camera, task.role)
         supervisor = Supervisor(tasks, relay, metrics.restarted)
@@ -115,13 +138,22 @@ def run(
         health = DaemonHealth(watched, supervisor)
         server = stack.enter_context(TelemetryServer(config.telemetry.address, registry, health))
         hub.alive(Keys(config.site).alive("daemon", config.site))
-        stack.callback(supervisor.stop)
+        left: list[str] = []
+        stack.callback(lambda: left.extend(supervisor.stop()))
         on_ready(Addresses(hub.endpoints, server.url))
-        while not stop.is_set():
-            supervisor.watch()
-            health.watched_s = time.monotonic()
-            stop.wait(WATCH_EVERY_S)
+        watch(supervisor, health, stop)
         log.info("stopping")
+    if left:
+        logging.shutdown()
+        os._exit(1)
+
+
+def watch(workers: Workers, health: DaemonHealth, stop: threading.Event) -> None:
+    """Watch the workers until `stop` is set."""
+    while not stop.is_set():
+        workers.watch()
+        health.watched()
+        stop.wait(WATCH_EVERY_S)
 
 
 def _as_client(bus: BusConfig, endpoints: tuple[str, ...]) -> BusConfig:
@@ -129,7 +161,8 @@ def _as_client(bus: BusConfig, endpoints: tuple[str, ...]) -> BusConfig:
     return bus.model_copy(update={"mode": "client", "connect": endpoints, "listen": ()})
 
 
-def _tasks(config: SiteConfig, camera: CameraConfig) -> list[Task]:
+def tasks_of(config: SiteConfig, camera: CameraConfig) -> list[Task]:
+    """The processes of one camera."""
     # A connection may use up both of its time-outs without a beat, and twice as FFmpeg counts.
     patience = 2 * (camera.source.open_timeout_s + camera.source.read_timeout_s) + 5.0
     return [

@@ -1,29 +1,40 @@
-"""Runs worker processes: starts them, watches them, kills the stuck and starts the dead again."""
+"""Runs worker processes: starts them, watches them, kills the stuck and starts the dead again.
+
+Nothing here waits without a limit. A process that is stuck in a driver does not even die when it is killed; it
+runs no code of ours any more either, so its task is started anew beside it, and it is forgotten when it is gone.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import multiprocessing
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnProcess
-from typing import Any
+from typing import Any, Protocol
 
+from lumpwatch.service.runtime.report_reader import ReportReader
 from lumpwatch.service.telemetry import GRACE_S, STARTING, Relay, Report, Worker
 
 log = logging.getLogger(__name__)
 
 FIRST_PAUSE_S = 0.5
 LONGEST_PAUSE_S = 15.0
+MOST_UNDEAD = 2
+"""Processes of a task that were killed and are still there; with as many no other one is started."""
+KILLED_S = 1.0
+"""How long to wait at the end for processes that were killed."""
+_LAST_WORDS_S = 0.5
+"""How long to wait for the last report of a worker that has ended: it is in the pipe already."""
 _CALM_S = 60.0
 """A worker that lived this long starts again without delay growing."""
 _QUIET_S = 3.0
 """What a worker said longer ago is no longer shown as if it were so: silence must not look like clear."""
 _STARTING_S = 120.0
 """How long a worker may take to load its libraries and, on a first start, to compile its kernels."""
+_LATE_S = 1.0
+"""After a pause of the daemon itself that was longer, workers get as long to be heard before they are judged."""
 _SILENT_S = 10.0
 """A worker whose reporting thread is silent for longer is stopped or swapped out: it is stuck."""
 
@@ -45,18 +56,60 @@ class Task:
         return f"{self.role}:{self.camera}"
 
 
-class _Keeper:
-    """One task and its present process."""
+class Process(Protocol):
+    """What the supervisor needs of a process, as `multiprocessing` has it."""
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.process: SpawnProcess | None = None
-        self.connection: Connection | None = None
-        self.report: Report | None = None
-        self.heard_s = 0.0
-        self.started_s = 0.0
-        self.next_start_s = 0.0
-        self.pause_s = FIRST_PAUSE_S
+    @property
+    def pid(self) -> int | None:
+        """Its number."""
+
+    @property
+    def exitcode(self) -> int | None:
+        """None while it runs."""
+
+    def is_alive(self) -> bool:
+        """Whether it runs; does not wait."""
+
+    def join(self, timeout: float | None = None) -> None:
+        """Wait until it has ended, or so many seconds."""
+
+    def kill(self) -> None:
+        """Send SIGKILL."""
+
+    def close(self) -> None:
+        """Let go of one that has ended."""
+
+
+def spawn(task: Task) -> tuple[Process, Connection]:
+    """A new process that works on the task, and the daemon's end of its line."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=task.target, args=(*task.arguments, theirs), name=task.name, daemon=True)
+    process.start()
+    theirs.close()
+    return process, ours
+
+
+@dataclass(slots=True)
+class _Running:
+    """The present process of a task."""
+
+    process: Process
+    reader: ReportReader
+    started_s: float
+    heard_s: float
+    report: Report | None = None
+
+
+@dataclass(slots=True)
+class _Keeper:
+    """One task, its present process, and those before it that do not die."""
+
+    task: Task
+    running: _Running | None = None
+    undead: list[Process] = field(default_factory=list)
+    next_start_s: float = 0.0
+    pause_s: float = FIRST_PAUSE_S
 
 
 class Supervisor:
@@ -67,104 +120,124 @@ class Supervisor:
         tasks: Sequence[Task],
         relay: Relay,
         restarted: Callable[[str, str, str], None],
+        *,
+        start: Callable[[Task], tuple[Process, Connection]] = spawn,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`restarted` is told camera, role and reason of each new start."""
-        self._context = multiprocessing.get_context("spawn")
+        """`restarted` is told camera, role and reason of each end that leads to a new start."""
         self._keepers = [_Keeper(task) for task in tasks]
         self._relay = relay
         self._restarted = restarted
+        self._spawn = start
+        self._clock = clock
+        self._watched_s = self._judged_from_s = clock()
 
     def reports(self) -> dict[tuple[str, str], Report | None]:
         """The last report of each worker by role and camera; None: not heard since its start."""
-        return {(keeper.task.role, keeper.task.camera): keeper.report for keeper in self._keepers}
+        return {
+            (keeper.task.role, keeper.task.camera): keeper.running.report if keeper.running else None
+            for keeper in self._keepers
+        }
 
     def watch(self) -> None:
-        """Hear all workers, kill the stuck, start the dead."""
-        now = time.monotonic()
+        """Hear all workers, kill the stuck, start the dead. Never waits for a worker that lives."""
+        now = self._clock()
+        if now - self._watched_s > _LATE_S:
+            self._judged_from_s = now + _LATE_S
+        self._watched_s = now
         for keeper in self._keepers:
-            if keeper.process is None:
-                if now >= keeper.next_start_s:
+            keeper.undead = [process for process in keeper.undead if not _gone(process)]
+            running = keeper.running
+            if running is None:
+                if now >= keeper.next_start_s and len(keeper.undead) < MOST_UNDEAD:
                     self._start(keeper, now)
                 continue
-            self._hear(keeper, now)
-            if not keeper.process.is_alive():
-                self._end(keeper, now, "exited")
+            alive = running.process.is_alive()
+            if not alive:
+                running.reader.wait_for_end(_LAST_WORDS_S)
+            self._hear(keeper.task, running)
+            if not alive:
+                self._end(keeper, running, now, "exited")
                 continue
-            if keeper.report is not None and now - keeper.heard_s > _QUIET_S:
+            if running.report is not None and now - running.heard_s > _QUIET_S:
                 self._relay.silent(keeper.task.name)
-            if self._stuck(keeper, now):
-                keeper.process.kill()
-                keeper.process.join()
-                self._end(keeper, now, "stuck")
+            if now >= self._judged_from_s and self._stuck(keeper.task, running, now):
+                running.process.kill()
+                self._end(keeper, running, now, "stuck")
 
-    def stop(self, within_s: float = GRACE_S) -> None:
-        """Ask all workers to stop, and kill those that have not by then."""
-        deadline = time.monotonic() + within_s
-        for keeper in self._keepers:
-            if keeper.connection is not None:
-                with contextlib.suppress(OSError, ValueError):
-                    keeper.connection.send("stop")
-        for keeper in self._keepers:
-            if keeper.process is None:
-                continue
-            while keeper.process.is_alive() and time.monotonic() < deadline:
-                self._hear(keeper, time.monotonic())  # a full pipe would keep the worker from ending
-                keeper.process.join(timeout=0.02)
-            if keeper.process.is_alive():
+    def stop(self, within_s: float = GRACE_S) -> tuple[str, ...]:
+        """Ask all workers to stop, and kill those that have not by then.
+
+        Takes little longer than `within_s`. Gives the tasks of which a process is left that cannot be killed.
+        """
+        running = [(keeper, keeper.running) for keeper in self._keepers if keeper.running is not None]
+        deadline = self._clock() + within_s
+        for _, one in running:
+            one.reader.ask_to_stop()
+        for keeper, one in running:
+            one.process.join(timeout=max(0.0, deadline - self._clock()))
+            if one.process.is_alive():
                 log.warning("%s did not stop in %.0f s and was killed", keeper.task.name, within_s)
-                keeper.process.kill()
-                keeper.process.join()
-            self._hear(keeper, time.monotonic())
+                one.process.kill()
+        deadline = self._clock() + KILLED_S
+        for keeper, one in running:
+            one.process.join(timeout=max(0.0, deadline - self._clock()))
+            one.reader.wait_for_end(max(0.0, deadline - self._clock()))
+            self._hear(keeper.task, one)
+        left = tuple(
+            keeper.task.name
+            for keeper in self._keepers
+            if any(p.is_alive() for p in keeper.undead)
+            or (keeper.running is not None and keeper.running.process.is_alive())
+        )
+        for name in left:
+            log.error("%s: a process that was killed is still there: the system holds it in a driver", name)
+        return left
 
     def _start(self, keeper: _Keeper, now: float) -> None:
-        ours, theirs = self._context.Pipe()
-        keeper.process = self._context.Process(
-            target=keeper.task.target,
-            args=(*keeper.task.arguments, theirs),
-            name=keeper.task.name,
-            daemon=True,
-        )
-        keeper.process.start()
-        log.info("%s runs as process %d", keeper.task.name, keeper.process.pid)
-        theirs.close()
-        keeper.connection, keeper.report = ours, None
-        keeper.started_s = keeper.heard_s = now
+        process, connection = self._spawn(keeper.task)
+        log.info("%s runs as process %d", keeper.task.name, process.pid)
+        reader = ReportReader(connection, keeper.task.name, self._clock)
+        keeper.running = _Running(process, reader, now, now)
 
-    def _hear(self, keeper: _Keeper, now: float) -> None:
-        assert keeper.connection is not None
-        try:
-            while keeper.connection.poll():
-                report = keeper.connection.recv()
-                if isinstance(report, Report):
-                    keeper.report, keeper.heard_s = report, now
-                    self._relay.update(keeper.task.name, report.metrics)
-        except (EOFError, OSError):
-            pass  # the process is ending; is_alive tells
+    def _hear(self, task: Task, running: _Running) -> None:
+        if (newest := running.reader.take()) is not None:
+            running.report, running.heard_s = newest
+            self._relay.update(task.name, running.report.metrics)
 
-    def _stuck(self, keeper: _Keeper, now: float) -> bool:
-        patience = keeper.task.stuck_after_s
-        if keeper.report is None or keeper.report.state == STARTING:
+    def _stuck(self, task: Task, running: _Running, now: float) -> bool:
+        patience, report = task.stuck_after_s, running.report
+        if report is None or report.state == STARTING:
             patience = max(_STARTING_S, patience)
-        if keeper.report is None:
-            return now - keeper.started_s > patience
-        return now - keeper.heard_s > _SILENT_S or now - keeper.report.beat_s > patience
+        if report is None:
+            return now - running.started_s > patience
+        return now - running.heard_s > _SILENT_S or now - report.beat_s > patience
 
-    def _end(self, keeper: _Keeper, now: float, reason: str) -> None:
-        assert keeper.process is not None
-        if now - keeper.started_s > _CALM_S:
+    def _end(self, keeper: _Keeper, running: _Running, now: float, reason: str) -> None:
+        if now - running.started_s > _CALM_S:
             keeper.pause_s = FIRST_PAUSE_S
         log.error(
-            "%s is %s (exit code %s); starting it again in %.1f s",
+            "%s is %s; starting it again in %.1f s",
             keeper.task.name,
-            "stuck and was killed" if reason == "stuck" else "gone",
-            keeper.process.exitcode,
+            "stuck and was killed" if reason == "stuck" else f"gone (exit code {running.process.exitcode})",
             keeper.pause_s,
         )
-        keeper.process.close()
-        if keeper.connection is not None:
-            keeper.connection.close()
-        keeper.process = keeper.connection = keeper.report = None
+        keeper.running = None
+        if not _gone(running.process):
+            keeper.undead.append(running.process)
+        if len(keeper.undead) >= MOST_UNDEAD:
+            log.error(
+                "%s: %d killed processes do not go away; no other is started", keeper.task.name, MOST_UNDEAD
+            )
         keeper.next_start_s = now + keeper.pause_s
         keeper.pause_s = min(2 * keeper.pause_s, LONGEST_PAUSE_S)
         self._relay.gone(keeper.task.name)
         self._restarted(keeper.task.camera, keeper.task.role, reason)
+
+
+def _gone(process: Process) -> bool:
+    """Whether a process has ended; lets go of it then."""
+    if process.is_alive():
+        return False
+    process.close()
+    return True

@@ -172,17 +172,30 @@ def test_a_first_start_may_take_longer_than_a_hang(started: list[Site]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", [workers.deaf, workers.mute, workers.stubborn])
+@pytest.mark.parametrize("target", [workers.deaf, workers.mute, workers.stubborn, workers.broken_off])
 def test_stopping_takes_bounded_time(started: list[Site], target: Callable[..., None]) -> None:
     site = Site(target)
     started.append(site)
     site.supervisor.watch()
-    if target is not workers.mute:
+    if target not in (workers.mute, workers.broken_off):
         site.until(lambda: site.report)
     begun = time.monotonic()
     site.supervisor.stop(within_s=1.0)
     assert time.monotonic() - begun < 10.0
     assert children() == []
+
+
+@pytest.mark.slow
+def test_a_worker_that_breaks_off_in_a_message_holds_up_nobody(started: list[Site]) -> None:
+    relay = Relay()
+    tasks = [
+        Task("bad", "camera", workers.broken_off, (), 30.0),
+        Task("cam", "monitor", workers.good, (), 30.0),
+    ]
+    site = Site(workers.good)
+    site.supervisor, site.relay = Supervisor(tasks, relay, lambda *told: None), relay
+    started.append(site)
+    site.until(lambda: site.state() == "running")
 
 
 def test_stopping_what_never_ran_is_nothing() -> None:
