@@ -13,7 +13,7 @@ from lumpwatch.service.cli.common import Commands, add_command, camera_of, progr
 from lumpwatch.service.config import RoiConfig, SiteConfig, load_config
 from lumpwatch.service.offline import archive, boxes_of
 from lumpwatch.service.storage import FootageArchive, Prior, PriorStore, StoreError
-from lumpwatch.service.training import ConfirmedClip, footage_sources, recorded_clip, refine
+from lumpwatch.service.training import missing_sources, recorded_clip, refine, sources_text, take
 
 _MEGABYTE = 1_000_000
 
@@ -60,18 +60,21 @@ def refine_command(arguments: argparse.Namespace) -> int:
         for kept in footage.clips()
         if kept.folder.name not in new
     ]
-    clips += [recorded_clip(only, Path(clip.name).name, clip.video, clip.boxes) for clip in given]
+    clips += [recorded_clip(only, clip.video.name, clip.video, clip.boxes) for clip in given]
+    names = [clip.name for clip in clips]
     store = PriorStore(config.store.path, config.store.keep_priors)
-    _warn_of_what_is_missing(store.current(camera.id, roi.id).prior, clips)
+    _warn_of_what_is_missing(store.current(camera.id, roi.id).prior, names)
     with progress("reading", None) as advance:
         trained = refine(roi, clips, advance)
-    stored = store.save(
-        trained.as_prior(camera.id, roi, footage_sources(clips), datetime.now(UTC)), shadow=True
-    )
-    for warning in trained.warnings:
-        _warn(warning)
-    for clip in given:
-        keep_footage(footage, clip.video, clip.labels)
+
+    def tell(_: Prior) -> None:
+        for warning in trained.warnings:
+            _warn(warning)
+        for clip in given:
+            keep_footage(footage, clip.video, clip.labels)
+
+    prior = trained.as_prior(camera.id, roi, sources_text(names), datetime.now(UTC))
+    stored = take(store, prior, tell, shadow=True).prior
     print(  # noqa: T201
         f"{camera.id}/{roi.id}: version {stored.version} runs in shadow, learned from {len(clips)} clips with "
         f"{stored.learned.tracks} objects; promote or drop it with lumpwatch priors"
@@ -93,16 +96,14 @@ def keep_footage(footage: FootageArchive, video: Path, labels: Path | None) -> N
         _warn(str(error))  # the prior is stored: what is wrong with the footage does not undo that
 
 
-def _warn_of_what_is_missing(prior: Prior | None, clips: list[ConfirmedClip]) -> None:
+def _warn_of_what_is_missing(prior: Prior | None, names: list[str]) -> None:
     if prior is None:
         return
-    names = {clip.name for clip in clips}
-    for source in prior.meta.source.split(" + "):
-        if source not in names:
-            _warn(
-                f"{source}: version {prior.version} learned from it, and it is neither given nor kept: "
-                "what only it showed is not in the new version"
-            )
+    for source in missing_sources(prior.meta.source, names):
+        _warn(
+            f"{source}: version {prior.version} learned from it, and it is neither given nor kept: "
+            "what only it showed is not in the new version"
+        )
 
 
 def _warn(text: str) -> None:

@@ -31,7 +31,9 @@ from lumpwatch.service.training import (
     cross_validate,
     gather,
     learn,
+    objection_to,
     parse_ids,
+    take,
     tempered,
     to_text,
     training_report,
@@ -46,7 +48,8 @@ def add(commands: Commands) -> None:
         "train",
         train,
         "Learn motion models, their switching, sizes and likelihood of one ROI from labelled videos, and "
-        "store them as a new prior with a report beside it. A running daemon takes it without a restart. "
+        "store them as a new prior with a report beside it. Where it stands up to its cross-validation, a running "
+        "daemon takes it without a restart. "
         "With --suggest: propose labels for a video instead.",
         "lumpwatch train site.yaml clip.mp4 gt.txt --camera crusher-1 --roi apron\n"
         "  lumpwatch train site.yaml a.mp4 a.txt b.mp4 b.txt --camera crusher-1 --roi apron --without-lumps c.mp4\n"
@@ -78,6 +81,11 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--shadow", action="store_true", help="run it in shadow beside the prior in use, which stays"
+    )
+    parser.add_argument(
+        "--use-anyway",
+        action="store_true",
+        help="use it also where the cross-validation finds none of the lumps that were held out",
     )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw what was learned")
     parser.add_argument(
@@ -176,11 +184,34 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     with progress("tempering", len(GRID)) as advance:
         trained = tempered(roi, material.footage, trained, advance)
     store = PriorStore(config.store.path, config.store.keep_priors)
-    stored = store.save(
-        trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)), shadow=arguments.shadow
+    taken = take(
+        store,
+        trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)),
+        lambda stored: _judge(arguments, store, roi, material, trained, stored),
+        shadow=arguments.shadow,
+        use_anyway=arguments.use_anyway,
     )
-    for video, labels in pairs:
-        keep_footage(archive_of(config, camera.id, roi), video, labels)
+    for clip in clips:
+        keep_footage(archive_of(config, camera.id, roi), clip.video, clip.labels)
+    if taken.objection is None:
+        return 0
+    sys.stderr.write(
+        f"lumpwatch: version {taken.prior.version} is stored and not in use: {taken.objection}; look at the "
+        "report, then label more lumps, or train with --use-anyway, or try it with lumpwatch priors shadow "
+        f"--version {taken.prior.version}\n"
+    )
+    return 1
+
+
+def _judge(
+    arguments: argparse.Namespace,
+    store: PriorStore,
+    roi: RoiConfig,
+    material: Material,
+    trained: Trained,
+    stored: Prior,
+) -> str | None:
+    """Check what was learned and write the report; what speaks against its use."""
     _print(trained, stored)
     if arguments.plot is not None:
         draw_prior(stored, arguments.plot)
@@ -194,7 +225,8 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
         sys.stdout.write(f"{_in_words(validation, material)}\n")
     for warning in warnings:
         sys.stderr.write(f"lumpwatch: warning: {warning}\n")
-    paths = [store.report_path(camera.id, roi.id, stored.version)]
+    objection = objection_to(validation)
+    paths = [store.report_path(stored.meta.camera, roi.id, stored.version)]
     if arguments.report is not None:
         paths.append(arguments.report)
     try:
@@ -203,11 +235,11 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
         if arguments.report is not None:
             raise
         sys.stderr.write(f"lumpwatch: no report: {error}\n")
-        return 0
+        return objection
     for path in paths:
         path.write_text(page, encoding="utf-8")
     sys.stdout.write(f"report: {paths[-1]}\n")
-    return 0
+    return objection
 
 
 def _in_words(validation: Validation, material: Material) -> str:

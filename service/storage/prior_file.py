@@ -49,7 +49,7 @@ class PriorMeta(BaseModel):
     aspect: float
     """Width of the pictures over their height."""
     source: str
-    """Name of the training video, without its folder."""
+    """Names of the training videos, without their folders."""
     frames: int
     """Frames that training looked at."""
 

@@ -119,18 +119,23 @@ class PriorStore:
         except PriorError as error:
             return Found(None, (str(error),))
 
+    def stage(self, prior: Prior) -> Prior:
+        """Store a prior as the newest version, neither in use nor in shadow yet; see `keep`.
+
+        Raises StoreError; what was stored before stays as it was.
+        """
+        camera, roi = prior.meta.camera, prior.meta.roi
+        version = self._store(prior, trial=True)
+        self._remove_old(camera, roi, version)
+        return prior.with_version(version)
+
     def save(self, prior: Prior, *, shadow: bool = False) -> Prior:
         """Store a prior as the newest version, to be used or to run in shadow; see `keep`.
 
         Raises StoreError; what was stored before stays as it was.
         """
         camera, roi = prior.meta.camera, prior.meta.roi
-        content = encode_prior(prior)
-        with self._of(camera, roi).writing():
-            self.folder(camera, roi).mkdir(parents=True, exist_ok=True)
-            version = max(self.versions(camera, roi), default=0) + 1
-            while not self._write_new(camera, roi, version, content, shadow):
-                version += 1  # another process stored one in the meantime
+        version = self._store(prior, trial=shadow)
         if shadow:
             self._of(camera, roi).point("shadow", version)
         else:
@@ -185,6 +190,16 @@ class PriorStore:
             raise StoreError(f"camera {camera}, roi {roi}: version {found} runs in shadow, not {version}")
         return found
 
+    def _store(self, prior: Prior, *, trial: bool) -> int:
+        camera, roi = prior.meta.camera, prior.meta.roi
+        content = encode_prior(prior)
+        with self._of(camera, roi).writing():
+            self.folder(camera, roi).mkdir(parents=True, exist_ok=True)
+            version = max(self.versions(camera, roi), default=0) + 1
+            while not self._write_new(camera, roi, version, content, trial):
+                version += 1  # another process stored one in the meantime
+        return version
+
     def _write_new(self, camera: str, roi: str, version: int, content: bytes, trial: bool) -> bool:
         """Write a version, marked before it is there; False where the number is taken."""
         path, mark = self.path(camera, roi, version), self._mark(camera, roi, version)
@@ -216,10 +231,13 @@ class PriorStore:
     def _mark(self, camera: str, roi: str, version: int) -> Path:
         return self.path(camera, roi, version).with_suffix(_TRIAL)
 
-    def _remove_old(self, camera: str, roi: str) -> None:
-        """Down to `keep`: first what has never been in use, then the oldest; not what is in use or in shadow."""
+    def _remove_old(self, camera: str, roi: str, staged: int | None = None) -> None:
+        """Down to `keep`: first what has never been in use, then the oldest.
+
+        What is in use, in shadow or has just been staged stays.
+        """
         versions = self.versions(camera, roi)
-        needed = (self.pointer(camera, roi), self.shadow_pointer(camera, roi))
+        needed = (self.pointer(camera, roi), self.shadow_pointer(camera, roi), staged)
         spare = [version for version in versions if version not in needed]
         spare.sort(key=lambda version: not self.untried(camera, roi, version))
         for version in spare[: max(0, len(versions) - self.keep)]:

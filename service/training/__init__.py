@@ -1,5 +1,6 @@
 """From labelled footage to a prior, judged and reported."""
 
+from lumpwatch.service.training.acceptance import Taken, objection_to, take
 from lumpwatch.service.training.coverage import coverage_warnings, validation_warnings
 from lumpwatch.service.training.cross_validation import Validation, cross_validate
 from lumpwatch.service.training.dataset import Material, clips_of, gather
@@ -10,14 +11,16 @@ from lumpwatch.service.training.learner import Trained, learn, tempered
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
 from lumpwatch.service.training.proposal_sheet import contact_sheet
 from lumpwatch.service.training.proposing import suggest
-from lumpwatch.service.training.refining import ConfirmedClip, footage_sources, recorded_clip, refine
+from lumpwatch.service.training.refining import ConfirmedClip, recorded_clip, refine
 from lumpwatch.service.training.report import training_report
+from lumpwatch.service.training.sources import missing_sources, sources_text
 
 __all__ = [
     "GRID",
     "ConfirmedClip",
     "Material",
     "Recording",
+    "Taken",
     "Trained",
     "Validation",
     "accept_proposals",
@@ -26,14 +29,17 @@ __all__ = [
     "coverage_warnings",
     "cross_validate",
     "export",
-    "footage_sources",
     "gather",
     "learn",
     "learn_reference",
+    "missing_sources",
+    "objection_to",
     "parse_ids",
     "recorded_clip",
     "refine",
+    "sources_text",
     "suggest",
+    "take",
     "tempered",
     "to_text",
     "training_report",

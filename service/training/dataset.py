@@ -23,6 +23,7 @@ from lumpwatch.service.training.footage import (
     read_footage,
 )
 from lumpwatch.service.training.learner import labelled_tracks
+from lumpwatch.service.training.sources import sources_text
 
 Progress = Callable[[str, int | None], AbstractContextManager[Callable[[int], None]]]
 """Told the name of a clip and its number of frames; gives what to call with the number read so far."""
@@ -65,8 +66,8 @@ class Material:
 
     @property
     def source(self) -> str:
-        """The clips by name, without their folders."""
-        return ", ".join(clip.name for clip in self.clips)
+        """What a prior says of where it comes from."""
+        return sources_text(clip.name for clip in self.clips)
 
     @property
     def tracks(self) -> list[Track]:

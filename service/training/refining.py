@@ -53,11 +53,6 @@ def refine(
     return train(roi, frames, boxes, Path("clips"), "the clips", advance)
 
 
-def footage_sources(clips: Sequence[ConfirmedClip]) -> str:
-    """What a prior says of where it comes from."""
-    return " + ".join(clip.name for clip in clips)
-
-
 def joined_footage(clips: Sequence[ConfirmedClip]) -> tuple[Iterator[Frame], tuple[Box, ...]]:
     """All clips as one recording with its labels; raises LumpwatchError where they do not go together."""
     looked = [_look(clip) for clip in clips]

@@ -54,6 +54,30 @@ def test_a_shadow_stands_beside_the_current_one(tmp_path: Path) -> None:
     assert store.versions(*OF) == (1, 2, 3, 4)
 
 
+def test_a_staged_version_is_neither_in_use_nor_in_shadow(tmp_path: Path) -> None:
+    store = stored(tmp_path, "a", shadow="b")
+    staged = store.stage(prior(source="c"))
+    assert staged.version == 3
+    assert state(store) == ("a", "b")
+    assert store.untried(*OF, 3)
+    store.use(*OF, 3)
+    assert state(store) == ("c", "b")
+    assert not store.untried(*OF, 3)
+
+
+def test_a_first_version_that_is_staged_leaves_the_defaults_in_use(tmp_path: Path) -> None:
+    store = PriorStore(tmp_path)
+    store.stage(prior(source="a"))
+    assert state(store) == (None, None)
+
+
+def test_staging_keeps_what_was_staged_and_what_is_in_use(tmp_path: Path) -> None:
+    store = stored(tmp_path, "a", keep=2)
+    assert [store.stage(prior(source=name)).version for name in "bcd"] == [2, 3, 4]
+    assert store.versions(*OF) == (1, 4)
+    assert state(store) == ("a", None)
+
+
 def test_promoting_and_rolling_back(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", shadow="b")
     with pytest.raises(StoreError, match="version 2 runs in shadow, not 1"):

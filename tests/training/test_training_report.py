@@ -116,7 +116,7 @@ def test_several_clips_and_a_report(small: Site, capsys: pytest.CaptureFixture[s
     store = PriorStore(small.folder / "var")
     stored = store.current("cam", "apron").prior
     assert stored is not None
-    assert stored.meta.source == f"{ODD}, slow.mp4, empty.mp4"
+    assert stored.meta.source == f"{ODD} + slow.mp4 + empty.mp4"
     assert stored.meta.frames == 180 + 90 + 30
     text = report.read_text(encoding="utf-8")
     assert store.report_path("cam", "apron", stored.version).read_text(encoding="utf-8") == text
@@ -157,6 +157,24 @@ def test_a_clip_with_few_labels_is_warned_of(small: Site, capsys: pytest.Capture
     page = Page(store.report_path("cam", "apron", newest).read_text(encoding="utf-8"))
     assert "only 1 labelled objects" in page.text
     assert "Not done: it takes a jdt detector, two labelled lumps" in page.text
+
+
+def test_a_training_that_finds_none_of_its_own_lumps_is_not_used(
+    small: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An alarm that asks for more existence than there ever is finds nothing."""
+    tree = json.loads(small.config.read_text()) | {"store": {"path": str(tmp_path / "var")}}
+    tree["cameras"][0]["rois"][0]["alarm"] |= {"raise_above": 1.0}
+    config = tmp_path / "site.yaml"
+    config.write_text(json.dumps(tree))
+    strict, store = replace(small, config=config), PriorStore(tmp_path / "var")
+    assert strict.run(*small.pairs[0], "--folds", 2) == 1
+    assert "version 1 is stored and not in use: none of" in capsys.readouterr().err
+    assert store.current("cam", "apron").prior is None
+    assert store.untried("cam", "apron", 1)
+    assert store.report_path("cam", "apron", 1).is_file()
+    assert strict.run(*small.pairs[0], "--folds", 2, "--use-anyway") == 0
+    assert store.pointer("cam", "apron") == 2
 
 
 def test_suggest_refuse_accept_train(small: Site, capsys: pytest.CaptureFixture[str]) -> None:
