@@ -15,7 +15,7 @@ from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
 from lumpwatch.service.protocol.messages import StateLine
 from lumpwatch.service.protocol.schemas import MESSAGES
-from lumpwatch.service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
+from lumpwatch.service.telemetry import CameraMetrics, DaemonMetrics, MonitorMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
 
 HERE = Path(__file__).parent / "reference"

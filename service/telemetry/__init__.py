@@ -1,7 +1,9 @@
 """Prometheus metrics and health of the daemon and its worker processes, and the worker's line to the daemon."""
 
+from lumpwatch.service.telemetry.camera import CameraMetrics
+from lumpwatch.service.telemetry.daemon import DaemonMetrics
 from lumpwatch.service.telemetry.http import TelemetryServer
-from lumpwatch.service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
+from lumpwatch.service.telemetry.monitor import MonitorMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
 from lumpwatch.service.telemetry.relay import Relay

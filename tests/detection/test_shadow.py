@@ -35,7 +35,7 @@ from lumpwatch.service.protocol.shadow import Counts, ShadowState, summary
 from lumpwatch.service.storage.prior_file import Prior
 from lumpwatch.service.storage.prior_store import PriorStore
 from lumpwatch.service.storage.shadow_store import StateKeeper, read_state, state_file
-from lumpwatch.service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.telemetry import MonitorMetrics
 from lumpwatch.service.telemetry.shadow import ShadowMetrics
 from tests.service_helpers import POLYGON, camera, frame, learned, prior, site, site_tree
 

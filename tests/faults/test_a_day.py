@@ -26,7 +26,7 @@ from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.monitor.announcer import Announcer
 from lumpwatch.service.storage.event_log_writer import EventWriter
-from lumpwatch.service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.telemetry import MonitorMetrics
 from tests.bus.test_bus_support import client_config, free_endpoint, hub_config
 from tests.faults.outside import Outside
 from tests.faults.table import Record, Row

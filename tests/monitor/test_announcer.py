@@ -17,7 +17,7 @@ from lumpwatch.service.core.detection import Detection, LumpSize
 from lumpwatch.service.monitor.announcer import LEVEL_EVERY_S, Announcer
 from lumpwatch.service.storage.event_log import Entry, KeptRecord
 from lumpwatch.service.storage.event_notes import Note
-from lumpwatch.service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.telemetry import MonitorMetrics
 from tests.protocol.test_messages import FOUND, RESULT, STARTING
 from tests.service_helpers import camera, frame
 

@@ -20,7 +20,7 @@ from lumpwatch.service.storage.atomic import replace_file, write_new_file
 from lumpwatch.service.storage.prior_file import PriorError, encode_prior
 from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
 from lumpwatch.service.storage.versions import StoreError
-from lumpwatch.service.telemetry.metrics import MonitorMetrics
+from lumpwatch.service.telemetry import MonitorMetrics
 from tests.service_helpers import learned, prior, same
 
 

@@ -19,8 +19,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmState, Change, Hold, Transition
 from lumpwatch.service.core.decision import Decision
 from lumpwatch.service.core.detection import DetectedObject, Detection
+from lumpwatch.service.telemetry import CameraMetrics, DaemonMetrics, MonitorMetrics
 from lumpwatch.service.telemetry.http import TelemetryError, TelemetryServer
-from lumpwatch.service.telemetry.metrics import CameraMetrics, DaemonMetrics, MonitorMetrics
 from lumpwatch.service.telemetry.relay import Relay
 
 
