@@ -11,7 +11,7 @@ component). Existing objects are *tracks*; one further component *searches* for 
   identity and a fresh search begins.
 - Where a track's box lies over another track's, what is seen there may be either: its particles get no
   credit for it, and it goes on by its motion. After a crossing each cloud finds its own
-  object by its looks, a description that is taken once there are two tracks, and slowly renewed while
+  object by its appearance, a description that is taken once there are two tracks, and slowly renewed while
   nothing covers it.
 - A track ends when its existence is small, or when it has lain on an older track for a while.
 
@@ -37,7 +37,7 @@ from lumpwatch.models.state import Belief, Estimate, H, States, W, X, Y
 _NEVER = 1e-12  # birth rate of a track: it is one object, and no other can take its place
 
 
-class Looks(Protocol):
+class Appearance(Protocol):
     """One picture, ready to tell objects from one another."""
 
     def describe(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -110,7 +110,7 @@ class MultiJdtFilter:
     distinction: float = 8.0
     """Log likelihood that a box loses when it looks wholly unlike its track."""
     renewal_per_s: float = 0.2
-    """Rate at which a track's description follows its looks."""
+    """Rate at which a track's description follows its appearance."""
 
     def __post_init__(self) -> None:
         """Raises ValueError where existence is not computed from the weights."""
@@ -125,12 +125,12 @@ class MultiJdtFilter:
         self,
         belief: MultiBelief,
         observation: Observation,
-        looks: Callable[[], Looks] | None,
+        appearance: Callable[[], Appearance] | None,
         dt: float,
         rng: np.random.Generator,
     ) -> MultiStep:
-        """One frame, `dt` seconds after the last; `looks` is called where there are two tracks or more."""
-        seen_looks = looks() if looks is not None and len(belief.tracks) > 1 else None
+        """One frame, `dt` seconds after the last; `appearance` is called where there are two tracks or more."""
+        appearances = appearance() if appearance is not None and len(belief.tracks) > 1 else None
         follower = self._follower()
         diagnostics = None
         log_evidence = 0.0
@@ -138,7 +138,7 @@ class MultiJdtFilter:
         boxes = [_predicted(track, dt) for track in belief.tracks]
         for i, track in enumerate(belief.tracks):
             others = np.array(boxes[:i] + boxes[i + 1 :]).reshape(-1, 8)
-            seen = _Uncovered(observation, seen_looks, track.description, others, self)
+            seen = _Uncovered(observation, appearances, track.description, others, self)
             step = follower.step(track.belief, seen, dt, rng)
             log_evidence += step.log_evidence
             if step.estimate is None or step.belief.existence < self.lost_below:
@@ -146,7 +146,7 @@ class MultiJdtFilter:
             diagnostics = diagnostics or step.diagnostics
             boxes[i] = step.estimate.mean
             tracks.append(replace(track, belief=step.belief, estimate=step.estimate))
-        tracks = self._settle(tracks, seen_looks, dt)
+        tracks = self._settle(tracks, appearances, dt)
 
         unexplained = _Unexplained(observation, _boxes(tracks), self.apart)
         step = self.single.step(belief.search, unexplained, dt, rng)
@@ -175,7 +175,7 @@ class MultiJdtFilter:
         cloud = Belief(found.states[chosen], found.labels[chosen], found.exists[chosen], found.existence)
         return Track(track_id, cloud, estimate, None)
 
-    def _settle(self, tracks: list[Track], looks: Looks | None, dt: float) -> list[Track]:
+    def _settle(self, tracks: list[Track], appearance: Appearance | None, dt: float) -> list[Track]:
         """Renew what uncovered tracks look like; end those that have become one with an older track."""
         settled: list[Track] = []
         for i, track in enumerate(tracks):
@@ -186,8 +186,8 @@ class MultiJdtFilter:
             if hidden_s > self.hidden_for_s:
                 continue
             description = track.description
-            if looks is not None and max(older, younger) < 0.5 * self.overlap:
-                now = looks.describe(track.estimate.mean)
+            if appearance is not None and max(older, younger) < 0.5 * self.overlap:
+                now = appearance.describe(track.estimate.mean)
                 rate = min(1.0, self.renewal_per_s * dt)
                 description = now if description is None else (1 - rate) * description + rate * now
             settled.append(replace(track, hidden_s=hidden_s, description=description))
@@ -210,10 +210,10 @@ class _Unexplained:
 
 @dataclass(frozen=True, slots=True)
 class _Uncovered:
-    """The picture as one track sees it: its own looks count, and nothing where another track lies."""
+    """The picture as one track sees it: its own appearance counts, and nothing where another track lies."""
 
     observation: Observation
-    looks: Looks | None
+    appearance: Appearance | None
     description: NDArray[np.float64] | None
     others: States
     settings: MultiJdtFilter
@@ -222,8 +222,8 @@ class _Uncovered:
         ratio = self.observation.log_ratio(states)
         covered = _covered(states, self.others) > self.settings.overlap
         hidden = np.minimum(ratio, 0.0)  # where nothing is seen, none of them is there
-        if self.looks is not None and self.description is not None and len(self.others):
-            ratio = ratio - self.settings.distinction * self.looks.distance(states, self.description)
+        if self.appearance is not None and self.description is not None and len(self.others):
+            ratio = ratio - self.settings.distinction * self.appearance.distance(states, self.description)
         return np.where(covered, hidden, ratio)
 
 

@@ -114,11 +114,11 @@ def integral_histogram(bins, out):  # type: ignore[no-untyped-def]
     for y in range(height):
         row0 = row1 = row2 = row3 = np.uint64(0)
         for x in range(width):
-            one = _ONES[bins[y, x]]
-            row0 += one[0]
-            row1 += one[1]
-            row2 += one[2]
-            row3 += one[3]
+            counts = _ONES[bins[y, x]]
+            row0 += counts[0]
+            row1 += counts[1]
+            row2 += counts[2]
+            row3 += counts[3]
             out[y + 1, x + 1, 0] = out[y, x + 1, 0] + row0
             out[y + 1, x + 1, 1] = out[y, x + 1, 1] + row1
             out[y + 1, x + 1, 2] = out[y, x + 1, 2] + row2

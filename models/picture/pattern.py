@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.models.picture.look import Look
+from lumpwatch.models.picture.measures import PictureMeasures
 
 Tiles = NDArray[np.float32]
 
@@ -26,27 +26,27 @@ class Pattern:
     detail_low: Tiles
     detail_high: Tiles
 
-    def strange(self, look: Look) -> float:
+    def strange(self, measures: PictureMeasures) -> float:
         """Share of the tiles that do not look as usual."""
-        level, detail = _relative(look)
+        level, detail = _relative(measures)
         usual = (level >= self.level_low) & (level <= self.level_high)
         usual &= (detail >= self.detail_low) & (detail <= self.detail_high)
         return 1.0 - float(usual.mean())
 
 
-def learn_pattern(looks: Sequence[Look]) -> Pattern:
+def learn_pattern(pictures: Sequence[PictureMeasures]) -> Pattern:
     """The pattern of pictures that are fit; raises ValueError without any."""
-    if not looks:
+    if not pictures:
         raise ValueError("there is no picture to learn from")
-    levels, details = (np.stack(values) for values in zip(*map(_relative, looks), strict=True))
+    levels, details = (np.stack(values) for values in zip(*map(_relative, pictures), strict=True))
     low = np.quantile([levels, details], _OUTER, axis=1) - _MARGIN
     high = np.quantile([levels, details], 1.0 - _OUTER, axis=1) + _MARGIN
     bounds = [np.asarray(bound, np.float32) for bound in (low[0], high[0], low[1], high[1])]
     return Pattern(*bounds)
 
 
-def _relative(look: Look) -> tuple[Tiles, Tiles]:
-    mean = max(look.mean, 1.0)
-    level = np.log(np.maximum(look.level / mean, 0.02))
-    detail = np.log(np.maximum(look.detail / mean, _LEAST_DETAIL))
+def _relative(measures: PictureMeasures) -> tuple[Tiles, Tiles]:
+    mean = max(measures.mean, 1.0)
+    level = np.log(np.maximum(measures.level / mean, 0.02))
+    detail = np.log(np.maximum(measures.detail / mean, _LEAST_DETAIL))
     return np.asarray(level, np.float32), np.asarray(detail, np.float32)

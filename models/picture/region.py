@@ -12,9 +12,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from lumpwatch.models.picture.look import Look
+from lumpwatch.models.picture.measures import PictureMeasures
+from lumpwatch.models.picture.medians import SlowMedian
 from lumpwatch.models.picture.pattern import Pattern, learn_pattern
-from lumpwatch.models.picture.slow import SlowMedian
 from lumpwatch.models.picture.tail import lower_threshold, upper_threshold
 
 
@@ -71,7 +71,7 @@ class Sample:
     """One measured picture."""
 
     time_s: float
-    look: Look
+    measures: PictureMeasures
     activity: float | None
     """None where there was no picture before."""
 
@@ -89,18 +89,20 @@ class RegionReference:
     pattern: Pattern
 
 
-def values(look: Look, activity: float | None, pattern: Pattern | None) -> dict[Measure, float]:
+def values(
+    measures: PictureMeasures, activity: float | None, pattern: Pattern | None
+) -> dict[Measure, float]:
     """Every measure of one picture that can be had."""
     found = {
-        Measure.BRIGHT: look.bright,
-        Measure.SATURATED: look.saturated,
-        Measure.SHARPNESS: look.sharpness,
-        Measure.STRUCTURE: look.structure,
+        Measure.BRIGHT: measures.bright,
+        Measure.SATURATED: measures.saturated,
+        Measure.SHARPNESS: measures.sharpness,
+        Measure.STRUCTURE: measures.structure,
     }
     if activity is not None:
         found[Measure.ACTIVITY] = activity
     if pattern is not None:
-        found[Measure.STRANGE] = pattern.strange(look)
+        found[Measure.STRANGE] = pattern.strange(measures)
     return found
 
 
@@ -110,13 +112,13 @@ def learn_region(clips: Sequence[Sequence[Sample]], share: float, window_s: floa
     `share` is that of the time for which all measures together may go beyond their thresholds on footage
     like this. Raises ValueError where nothing was measured.
     """
-    pattern = learn_pattern([sample.look for clip in clips for sample in clip])
+    pattern = learn_pattern([sample.measures for clip in clips for sample in clip])
     slow = _slow(clips, pattern, window_s)
     if any(measure not in slow for measure in Measure):
         raise ValueError("there are no two pictures close enough in time to compare")
     limits = {**slow, Measure.STRANGE: _strange_to_the_other_half(clips) or slow[Measure.STRANGE]}
     return RegionReference(
-        mean=float(np.median([sample.look.mean for clip in clips for sample in clip])),
+        mean=float(np.median([sample.measures.mean for clip in clips for sample in clip])),
         usual={measure: float(np.median(series)) for measure, series in slow.items()},
         thresholds={
             measure: _threshold(measure, series, share / len(Measure)) for measure, series in limits.items()
@@ -131,17 +133,17 @@ def _strange_to_the_other_half(clips: Iterable[Sequence[Sample]]) -> list[float]
     A belt that stands shows for long what it shows for a moment while it runs, and the pattern does not know
     the ore of tomorrow: the medians of its own footage would say too little of both.
     """
-    halves: tuple[list[Look], list[Look]] = [], []
+    halves: tuple[list[PictureMeasures], list[PictureMeasures]] = [], []
     for clip in clips:
         middle = len(clip) // 2
         for half, some in zip(halves, (clip[:middle], clip[middle:]), strict=True):
-            half.extend(sample.look for sample in some)
+            half.extend(sample.measures for sample in some)
     if not all(halves):
         return []
     return [
-        pattern.strange(look)
+        pattern.strange(measures)
         for pattern, other in zip(map(learn_pattern, halves), reversed(halves), strict=True)
-        for look in other
+        for measures in other
     ]
 
 
@@ -151,7 +153,7 @@ def _slow(clips: Iterable[Sequence[Sample]], pattern: Pattern, window_s: float) 
     for clip in clips:
         medians = {measure: SlowMedian(window_s) for measure in Measure}
         for sample in clip:
-            for measure, value in values(sample.look, sample.activity, pattern).items():
+            for measure, value in values(sample.measures, sample.activity, pattern).items():
                 slow = medians[measure].add(sample.time_s, value)
                 # What changed within a window is slow already.
                 series.setdefault(measure, []).append(value if measure is Measure.ACTIVITY else slow)

@@ -22,22 +22,24 @@ class HistogramAppearance:
 
     _histograms: HistogramLikelihood = field(default_factory=_plain)
 
-    def observe(self, view: View) -> HistogramLooks:
+    def observe(self, view: View) -> BoxHistograms:
         """Look at the picture once; what comes back holds until the next call."""
-        return HistogramLooks(self._histograms.observe(view))
+        return BoxHistograms(self._histograms.observe(view))
 
 
 @dataclass(frozen=True, slots=True)
-class HistogramLooks:
-    """The boxes of one picture by their histograms; satisfies `lumpwatch.models.jdt.multi_object.Looks`."""
+class BoxHistograms:
+    """The boxes of one picture by their histograms; satisfies `lumpwatch.models.jdt.multi_object.Appearance`."""
 
-    seen: HistogramObservation
+    observation: HistogramObservation
 
     def describe(self, state: NDArray[np.float64]) -> NDArray[np.float64]:
         """Histogram (16,) of a state's box."""
-        return histogram(self.seen.integral, state)
+        return histogram(self.observation.integral, state)
 
     def distance(self, states: States, description: NDArray[np.float64]) -> NDArray[np.float64]:
         """Squared Bhattacharyya distance (n,) of the boxes to a description, from 0 to 1."""
-        reference = replace(self.seen.likelihood, reference=description)
-        return HistogramObservation(reference, self.seen.integral, self.seen.inside).distance(states)
+        reference = replace(self.observation.likelihood, reference=description)
+        return HistogramObservation(reference, self.observation.integral, self.observation.inside).distance(
+            states
+        )

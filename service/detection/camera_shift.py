@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lumpwatch.models.picture.medians import SlowMedian
 from lumpwatch.models.picture.reference import moving_mask, thumbnail
 from lumpwatch.models.picture.registration import Registration
-from lumpwatch.models.picture.slow import SlowMedian
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.service.config import QualityConfig
 from lumpwatch.service.core import Frame, luma_of

@@ -12,10 +12,10 @@ from collections import deque
 from collections.abc import Mapping
 from statistics import median
 
-from lumpwatch.models.picture.look import Looker
+from lumpwatch.models.picture.activity import Activity
+from lumpwatch.models.picture.measures import PictureMeter
+from lumpwatch.models.picture.medians import JumpWatch, SlowMedian
 from lumpwatch.models.picture.region import DEFAULTS, Measure, RegionReference, values
-from lumpwatch.models.picture.slow import JumpWatch, SlowMedian
-from lumpwatch.models.picture.still import Activity
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.service.config import CheckConfig, QualityConfig
 from lumpwatch.service.core import BlindReason, Detection, Frame, Holds, PictureQuality, Times
@@ -122,12 +122,12 @@ class _Region:
         self._particles = SlowMedian(config.window_s)
         self._seen: set[BlindReason] = set()
         self._until_s = float("-inf")
-        self._looker: Looker | None = None
+        self._meter: PictureMeter | None = None
 
     def fit(self, roi: Roi, lights: tuple[RegionReference, ...]) -> None:
         """Measure pictures of this region from now on."""
         window_s = self._config.window_s
-        self._looker = Looker(roi.mask)
+        self._meter = PictureMeter(roi.mask)
         self._lights = lights
         self._activity = Activity(window_s)
         self._medians = {measure: SlowMedian(window_s) for measure in Measure}
@@ -145,24 +145,24 @@ class _Region:
     @property
     def thresholds(self) -> Mapping[Measure, float]:
         """Those of the present light, or the defaults."""
-        return self._lights[self.light].thresholds if self._looker and self._lights else DEFAULTS
+        return self._lights[self.light].thresholds if self._meter and self._lights else DEFAULTS
 
     def look(self, gray: Image, time_s: float) -> None:
         """Measure the picture where it is time to."""
         self.held_off = time_s < self._until_s
-        if self._looker is None or time_s < self._looked_s + 1.0 / self._config.rate_hz - 1e-3:
+        if self._meter is None or time_s < self._looked_s + 1.0 / self._config.rate_hz - 1e-3:
             return
         self._looked_s = time_s
-        look = self._looker.look(gray)
-        self._watch_exposure(look.mean, time_s)
-        mean = self._mean.add(time_s, look.mean)
+        measures = self._meter.measure(gray)
+        self._watch_exposure(measures.mean, time_s)
+        mean = self._mean.add(time_s, measures.mean)
         strange = [
-            slow.add(time_s, light.pattern.strange(look))
+            slow.add(time_s, light.pattern.strange(measures))
             for slow, light in zip(self._strange, self._lights, strict=True)
         ]
         self._choose_light(strange, mean)
         pattern = self._lights[self.light].pattern if self._lights else None
-        now = values(look, self._activity.add(time_s, gray), pattern)
+        now = values(measures, self._activity.add(time_s, gray), pattern)
         for measure in set(now) - {Measure.STRANGE}:
             # What changed within a window is slow already.
             median = self._medians[measure].add(time_s, now[measure])
@@ -170,7 +170,7 @@ class _Region:
         if strange:
             self.slow[Measure.STRANGE] = strange[self.light]
         self._seen = self._reasons(self._beyond(self.slow), mean)
-        self.suspect = bool(self._seen or self._reasons(self._beyond(now), look.mean))
+        self.suspect = bool(self._seen or self._reasons(self._beyond(now), measures.mean))
 
     def _choose_light(self, strange: list[float], mean: float) -> None:
         """Day or night: the one whose tiles the picture resembles more, and whose brightness."""

@@ -30,7 +30,7 @@ from lumpwatch.models.learning import (
 )
 from lumpwatch.models.learning.motion import Law, ModelSpec
 from lumpwatch.models.learning.sizes import with_sizes
-from lumpwatch.models.learning.switches import fit_switching
+from lumpwatch.models.learning.transitions import fit_transitions
 from lumpwatch.models.roi import Roi
 from lumpwatch.service.config import JdtConfig, RoiConfig
 from lumpwatch.service.core import Frame
@@ -190,7 +190,7 @@ def _learned(
     cells: CellVelocities | None,
 ) -> Learned:
     models = len(config.models)
-    switches = fit_switching(
+    switches = fit_transitions(
         steps,
         motion.labels,
         models,

@@ -8,10 +8,10 @@ from datetime import datetime
 
 import numpy as np
 
-from lumpwatch.models.picture.look import Looker
+from lumpwatch.models.picture.activity import Activity
+from lumpwatch.models.picture.measures import PictureMeter
 from lumpwatch.models.picture.reference import Light, thumbnail
 from lumpwatch.models.picture.region import DEFAULTS, Measure, Sample, learn_region
-from lumpwatch.models.picture.still import Activity
 from lumpwatch.models.roi import Image, Roi, make_roi
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Frame, luma_of, working_luma
@@ -49,7 +49,7 @@ class _Footage:
     def __init__(self, camera: CameraConfig) -> None:
         self._camera = camera
         self._size: tuple[int, int] | None = None
-        self._rois: dict[str, tuple[Roi, Looker]] = {}
+        self._rois: dict[str, tuple[Roi, PictureMeter]] = {}
         self.clips: dict[str, list[list[Sample]]] = {roi.id: [] for roi in camera.rois}
         self.stills: list[Image] = []
         self.seconds = 0.0
@@ -71,10 +71,10 @@ class _Footage:
                 continue
             first, last = (frame.capture_s if count == 1 else first), frame.capture_s
             self._fit(frame, recording.name)
-            for roi, (geometry, looker) in self._rois.items():
+            for roi, (geometry, meter) in self._rois.items():
                 gray = working_luma(frame, geometry)
                 activity = activities[roi].add(frame.capture_s, gray)
-                self.clips[roi][-1].append(Sample(frame.capture_s, looker.look(gray), activity))
+                self.clips[roi][-1].append(Sample(frame.capture_s, meter.measure(gray), activity))
             self.stills.append(thumbnail(luma_of(frame)))
             if len(self.stills) > 2 * _MOST_STILLS:
                 del self.stills[::2]
@@ -87,7 +87,7 @@ class _Footage:
             try:
                 for roi in self._camera.rois:
                     geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
-                    self._rois[roi.id] = geometry, Looker(geometry.mask)
+                    self._rois[roi.id] = geometry, PictureMeter(geometry.mask)
             except ValueError as error:
                 raise FootageError(f"camera {self._camera.id}, roi {roi.id}: {error}") from error
             self._size = size

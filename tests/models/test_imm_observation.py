@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from lumpwatch.models.state import H, W, X, Y, blank
 from lumpwatch.models.trackers.imm_pf.observation import (
     STEP,
-    Look,
+    BoxCosts,
     ObservationOptions,
+    PictureGrids,
     Reference,
-    Seen,
     add,
     difference,
-    look,
     observe,
     paint,
+    reduced,
     refer,
 )
 from lumpwatch.models.trackers.imm_pf.size import CameraSize, LinearSize, ProfileSize, learn_linear, standing
@@ -51,15 +51,15 @@ def mask_of(*boxes: Array) -> NDArray[np.uint8]:
     return mask
 
 
-def seen_of(picture: NDArray[np.uint8], mask: NDArray[np.uint8] | None = None) -> Look:
-    return look(picture, None, np.zeros(SHAPE, np.uint8) if mask is None else mask)
+def seen_of(picture: NDArray[np.uint8], mask: NDArray[np.uint8] | None = None) -> PictureGrids:
+    return reduced(picture, None, np.zeros(SHAPE, np.uint8) if mask is None else mask)
 
 
-def nobody(seen: Look) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def nobody(seen: PictureGrids) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     return np.zeros(seen.colour.shape, np.uint8), np.zeros(seen.colour.shape, np.uint8)
 
 
-def compare(seen: Look, states: Array, reference: Reference, o: ObservationOptions) -> Seen:
+def compare(seen: PictureGrids, states: Array, reference: Reference, o: ObservationOptions) -> BoxCosts:
     return observe(seen, states, reference, 0.0, o, *nobody(seen))
 
 
@@ -93,7 +93,7 @@ def test_histograms_by_brute_force() -> None:
     rng = np.random.default_rng(0)
     picture = cv2.GaussianBlur(rng.integers(0, 256, (*SHAPE, 3)).astype(np.uint8), (0, 0), 2.0)
     before = np.roll(picture, 3, axis=1)
-    seen = look(picture, before, np.zeros(SHAPE, np.uint8))
+    seen = reduced(picture, before, np.zeros(SHAPE, np.uint8))
     reference = refer(seen, PERSON[0], PLAIN)
     rows, columns = slice(20 // STEP, 60 // STEP), slice(40 // STEP, 60 // STEP)
     upper = np.bincount(seen.colour[rows, columns][: 20 // STEP].ravel(), minlength=len(reference.upper))
@@ -115,10 +115,10 @@ def test_motion_is_the_difference_of_consecutive_pictures() -> None:
     before = np.full((*SHAPE, 3), 100, np.uint8)
     picture = before.copy()
     picture[:, 60:] = 160
-    motion = look(picture, before, np.zeros(SHAPE, np.uint8)).motion
+    motion = reduced(picture, before, np.zeros(SHAPE, np.uint8)).motion
     assert np.all(motion[:, : 60 // STEP] == 0)
     assert np.all(motion[:, 60 // STEP :] == 4)
-    assert np.all(look(picture, None, np.zeros(SHAPE, np.uint8)).motion == 0)
+    assert np.all(reduced(picture, None, np.zeros(SHAPE, np.uint8)).motion == 0)
 
 
 SILHOUETTE = ObservationOptions(colour=0.0, motion=0.0, silhouette=1.0, band=0.5)
@@ -190,9 +190,9 @@ def test_boxes_beyond_the_picture() -> None:
 def test_pictures_that_do_not_fit() -> None:
     picture = scene(RED, BLUE)
     with pytest.raises(ValueError, match="differ in size"):
-        look(picture, None, np.zeros((10, 10), np.uint8))
+        reduced(picture, None, np.zeros((10, 10), np.uint8))
     with pytest.raises(ValueError, match="differ in size"):
-        look(picture, picture[:40], np.zeros(SHAPE, np.uint8))
+        reduced(picture, picture[:40], np.zeros(SHAPE, np.uint8))
 
 
 @pytest.mark.parametrize("wrong", [{"colour": -1.0}, {"band": 0.0}, {"neutral": 1.5}, {"claim": -0.1}])

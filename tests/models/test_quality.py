@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lumpwatch.models.picture.look import SATURATED, Looker
+from lumpwatch.models.picture.activity import Activity
+from lumpwatch.models.picture.measures import SATURATED, PictureMeter
+from lumpwatch.models.picture.medians import JumpWatch, SlowMedian
 from lumpwatch.models.picture.pattern import learn_pattern
 from lumpwatch.models.picture.reference import THUMB_WIDTH, moving_mask, thumbnail
 from lumpwatch.models.picture.region import DEFAULTS, Measure, Sample, learn_region, values
 from lumpwatch.models.picture.registration import Registration
-from lumpwatch.models.picture.slow import JumpWatch, SlowMedian
-from lumpwatch.models.picture.still import Activity
 from lumpwatch.models.picture.tail import lower_threshold, upper_threshold
 from lumpwatch.models.roi import Image
 from lumpwatch.service.simulator.codec import ThinLink
@@ -52,43 +52,43 @@ def test_levels_are_those_of_the_pixels_inside() -> None:
     picture = np.full(SHAPE, 255, np.uint8)
     picture[:, :160] = 40
     picture[:60, :160] = 240  # a quarter of what is inside
-    look = Looker(mask).look(picture)
-    assert look.mean == pytest.approx(0.75 * 40 + 0.25 * 240)
-    assert (look.dark, look.bright) == (40.0, 240.0)
-    assert look.saturated == pytest.approx(0.25)
+    measures = PictureMeter(mask).measure(picture)
+    assert measures.mean == pytest.approx(0.75 * 40 + 0.25 * 240)
+    assert (measures.dark, measures.bright) == (40.0, 240.0)
+    assert measures.saturated == pytest.approx(0.25)
     assert SATURATED == 235
-    assert look.contrast == pytest.approx(200 / 90)
+    assert measures.contrast == pytest.approx(200 / 90)
 
 
 def test_a_uniform_picture_has_no_structure() -> None:
-    look = Looker(MASK).look(np.full(SHAPE, 90, np.uint8))
-    assert (look.sharpness, look.structure, look.contrast) == (0.0, 0.0, 0.0)
+    measures = PictureMeter(MASK).measure(np.full(SHAPE, 90, np.uint8))
+    assert (measures.sharpness, measures.structure, measures.contrast) == (0.0, 0.0, 0.0)
 
 
 # Sharpness
 
 
 def test_sharpness_falls_with_blur() -> None:
-    looker, picture = Looker(MASK), texture()
-    found = [looker.look(picture).sharpness]
+    meter, picture = PictureMeter(MASK), texture()
+    found = [meter.measure(picture).sharpness]
     found += [
-        looker.look(np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.uint8)).sharpness
+        meter.measure(np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.uint8)).sharpness
         for sigma in (1.0, 2.0, 3.0, 4.0, 6.0)
     ]
     assert all(sharper > 1.2 * softer for sharper, softer in pairwise(found))
 
 
 def test_noise_does_not_make_a_blurred_picture_sharp() -> None:
-    looker, picture = Looker(MASK), texture()
+    meter, picture = PictureMeter(MASK), texture()
     soft = np.asarray(cv2.GaussianBlur(picture, (0, 0), 4.0), np.uint8)
-    sharp = looker.look(picture).sharpness
-    assert looker.look(noisy(soft, 8.0)).sharpness < 0.5 * sharp
-    assert looker.look(noisy(picture, 8.0)).sharpness == pytest.approx(sharp, rel=0.15)
+    sharp = meter.measure(picture).sharpness
+    assert meter.measure(noisy(soft, 8.0)).sharpness < 0.5 * sharp
+    assert meter.measure(noisy(picture, 8.0)).sharpness == pytest.approx(sharp, rel=0.15)
 
 
 def test_sharpness_does_not_depend_on_contrast() -> None:
-    looker = Looker(MASK)
-    strong, weak = looker.look(texture(contrast=30.0)), looker.look(texture(contrast=10.0))
+    meter = PictureMeter(MASK)
+    strong, weak = meter.measure(texture(contrast=30.0)), meter.measure(texture(contrast=10.0))
     assert weak.sharpness == pytest.approx(strong.sharpness, rel=0.1)
     assert weak.structure == pytest.approx(strong.structure / 3, rel=0.1)
 
@@ -292,25 +292,25 @@ def test_thresholds_need_values() -> None:
 
 def clip(count: int = 25, seed: int = 0) -> list[Sample]:
     """A belt: other texture in each picture under the same light, with noise."""
-    looker, activity = Looker(MASK), Activity(2.0)
+    meter, activity = PictureMeter(MASK), Activity(2.0)
     light = np.linspace(0.7, 1.3, SHAPE[0])[:, None]
     samples = []
     for k in range(count):
         picture = noisy(np.clip(texture(seed + k) * light, 0, 255).astype(np.uint8), 2.0, k)
-        samples.append(Sample(0.2 * k, looker.look(picture), activity.add(0.2 * k, picture)))
+        samples.append(Sample(0.2 * k, meter.measure(picture), activity.add(0.2 * k, picture)))
     return samples
 
 
 def test_a_reference_finds_its_own_footage_fit_and_a_cover_strange() -> None:
     reference = learn_region([clip()], 1e-3, 2.0)
     for sample in clip(6, seed=500):
-        for measure, value in values(sample.look, sample.activity, reference.pattern).items():
+        for measure, value in values(sample.measures, sample.activity, reference.pattern).items():
             threshold = reference.thresholds[measure]
             assert (value <= threshold) if measure.too_large else (value >= threshold), measure
     covered = texture(900)
     covered[:, :200] = 60
-    look = Looker(MASK).look(noisy(covered, 2.0))
-    assert reference.pattern.strange(look) > reference.thresholds[Measure.STRANGE]
+    measures = PictureMeter(MASK).measure(noisy(covered, 2.0))
+    assert reference.pattern.strange(measures) > reference.thresholds[Measure.STRANGE]
     assert set(reference.thresholds) == set(Measure)
 
 
@@ -318,10 +318,10 @@ def test_ore_that_passed_once_is_not_strange_when_the_belt_stops_with_it() -> No
     samples = clip(120)
     bare = texture(70)
     bare[:, :100] = 60  # a third of the region without stones
-    look = Looker(MASK).look(noisy(bare, 2.0))
-    samples[70] = replace(samples[70], look=look)
+    measures = PictureMeter(MASK).measure(noisy(bare, 2.0))
+    samples[70] = replace(samples[70], measures=measures)
     reference = learn_region([samples], 1e-3, 2.0)
-    assert 0.2 < reference.pattern.strange(look) < reference.thresholds[Measure.STRANGE] < 0.5
+    assert 0.2 < reference.pattern.strange(measures) < reference.thresholds[Measure.STRANGE] < 0.5
 
 
 def test_a_belt_that_never_stopped_leaves_room_for_one_that_does() -> None:
@@ -329,9 +329,9 @@ def test_a_belt_that_never_stopped_leaves_room_for_one_that_does() -> None:
 
 
 def test_footage_that_stands_still_leaves_only_bits_to_judge() -> None:
-    looker, activity = Looker(MASK), Activity(2.0)
+    meter, activity = PictureMeter(MASK), Activity(2.0)
     picture = texture()
-    samples = [Sample(0.2 * k, looker.look(picture), activity.add(0.2 * k, picture)) for k in range(30)]
+    samples = [Sample(0.2 * k, meter.measure(picture), activity.add(0.2 * k, picture)) for k in range(30)]
     assert learn_region([samples], 1e-3, 2.0).thresholds[Measure.ACTIVITY] == DEFAULTS[Measure.ACTIVITY]
 
 

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from lumpwatch.models.picture.look import Looker
+from lumpwatch.models.picture.activity import Activity
+from lumpwatch.models.picture.measures import PictureMeter
 from lumpwatch.models.picture.reference import thumbnail
 from lumpwatch.models.picture.registration import Registration
-from lumpwatch.models.picture.still import Activity
 from lumpwatch.models.roi import Image, make_roi
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core.decision import BlindReason, Decision
@@ -218,7 +218,7 @@ def costs() -> dict[str, float]:
     polygon = FeedSimulator(spec("a")).polygon
     roi = make_roi(polygon, 640, 480, 320)
     grays, small = [roi.cut(one) for one in shown], thumbnail(shown[0])
-    looker, activity = Looker(roi.mask), Activity(2.0)
+    meter, activity = PictureMeter(roi.mask), Activity(2.0)
     registration = Registration(small, np.zeros_like(small))
     whole = CameraConfig.model_validate(
         {"id": "c", "source": {"url": "sim:feed"}, "rois": [{"id": "r", "polygon": polygon}]}
@@ -236,7 +236,7 @@ def costs() -> dict[str, float]:
     for frame in frames(iter(shown)):
         pipeline.process(frame, frame.received_s)
     return {
-        "look": _timed([lambda g=g: looker.look(g) for g in grays]),
+        "look": _timed([lambda g=g: meter.measure(g) for g in grays]),
         "activity": _timed([lambda k=k, g=g: activity.add(k / FPS, g) for k, g in enumerate(grays)]),
         "registration": _timed([lambda s=s: registration.shift(thumbnail(s)) for s in shown]),
         "filter": float(np.median(steps)),

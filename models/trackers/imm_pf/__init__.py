@@ -1,7 +1,7 @@
 """The IMM particle filter tracker (Madrigal and Hayet, paper 2): filter, observation, box sizes, tracker."""
 
 from lumpwatch.models.trackers.imm_pf.filter import ImmBelief, ImmFilter, ImmOptions
-from lumpwatch.models.trackers.imm_pf.observation import Look, ObservationOptions, Reference, look
+from lumpwatch.models.trackers.imm_pf.observation import ObservationOptions, PictureGrids, Reference, reduced
 from lumpwatch.models.trackers.imm_pf.options import TrackerOptions
 from lumpwatch.models.trackers.imm_pf.size import BoxSize, CameraSize, LinearSize, ProfileSize, learn_linear
 from lumpwatch.models.trackers.imm_pf.tracker import ImmPfTracker
@@ -14,11 +14,11 @@ __all__ = [
     "ImmOptions",
     "ImmPfTracker",
     "LinearSize",
-    "Look",
     "ObservationOptions",
+    "PictureGrids",
     "ProfileSize",
     "Reference",
     "TrackerOptions",
     "learn_linear",
-    "look",
+    "reduced",
 ]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.state import H, W, X, Y
 from lumpwatch.models.trackers.foreground import regions
-from lumpwatch.models.trackers.imm_pf.observation import STEP, Look, paint
+from lumpwatch.models.trackers.imm_pf.observation import STEP, PictureGrids, paint
 from lumpwatch.models.trackers.imm_pf.options import TrackerOptions
 from lumpwatch.models.trackers.imm_pf.size import BoxSize, standing
 
@@ -23,17 +23,19 @@ _LEAST_AREA = 20
 """Pixels of the grid."""
 
 
-def candidates(seen: Look, targets: Sequence[Array], size: BoxSize, o: TrackerOptions) -> Iterator[Array]:
+def candidates(
+    seen: PictureGrids, targets: Sequence[Array], size: BoxSize, o: TrackerOptions
+) -> Iterator[Array]:
     """States (8,) of new targets, given those (8,) that there are."""
     rest = seen.foreground.copy()
     for target in targets:
         paint(rest, target, o.explained, 0)
     for x, y, w, h in regions(rest, _LEAST_AREA) * STEP:
         bottom = y + h / 2
-        one = standing(size, x, bottom)
-        if h < o.birth_height * one[H] or w < o.birth_width * one[W]:
+        expected = standing(size, x, bottom)
+        if h < o.birth_height * expected[H] or w < o.birth_width * expected[W]:
             continue
-        parts = max(1, round(w / (1.1 * one[W]))) if w > o.split_width * one[W] else 1
+        parts = max(1, round(w / (1.1 * expected[W]))) if w > o.split_width * expected[W] else 1
         for k in range(parts):
             part = standing(size, x + w * ((k + 0.5) / parts - 0.5), bottom)
             whole = not outside(part, seen.shape, o.edge) and size.knows(float(part[Y]))

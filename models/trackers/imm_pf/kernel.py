@@ -90,7 +90,7 @@ def observe_boxes(  # type: ignore[no-untyped-def]
         inside = min(b / area, 1.0)
         ring = max(bb - b - neutral * (aa - a), 0.0) / (wide * tall - width * height)
         out[4, k], out[2, k], out[3, k] = visible, inside, ring
-        looks = usual
+        appearance = usual
         if visible >= _SEEN_LEAST:
             counts[:] = 0
             upper, lower = count_colours(
@@ -101,8 +101,8 @@ def observe_boxes(  # type: ignore[no-untyped-def]
             )
             moved = _distance(counts[2, :MOTIONS], roots[2], table, upper + lower)
             out[1, k] = c_colour * distance + c_motion * moved
-            looks = visible * out[1, k] + (1.0 - visible) * usual
-        out[0, k] = looks + c_silhouette * (1.0 - inside + ring)
+            appearance = visible * out[1, k] + (1.0 - visible) * usual
+        out[0, k] = appearance + c_silhouette * (1.0 - inside + ring)
     return out
 
 

@@ -51,7 +51,7 @@ _MOST_COUNTED = 1 << 14
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class PictureGrids:
     """One picture, ready for the observation of all targets; grids (h / STEP, w / STEP)."""
 
     colour: Image
@@ -99,12 +99,12 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class BoxCosts:
     """What boxes look like, each (n,)."""
 
     cost: Array
     """Minus the log likelihood."""
-    looks: Array
+    appearance: Array
     """The appearance cost A."""
     inside: Array
     """Share of foreground in the box, unknown pixels as neutral."""
@@ -114,7 +114,7 @@ class Seen:
     """Share of the box that no nearer target covers."""
 
 
-def look(picture: Image, before: Image | None, mask: Image) -> Look:
+def reduced(picture: Image, before: Image | None, mask: Image) -> PictureGrids:
     """Reduce a BGR picture (h, w, 3), its predecessor and its foreground mask (h, w) to grids.
 
     Raises ValueError where the three do not have the same size.
@@ -130,7 +130,7 @@ def look(picture: Image, before: Image | None, mask: Image) -> Look:
         moved = np.asarray(cv2.absdiff(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), last), dtype=np.uint8)
     foreground = (cleaned(mask)[::STEP, ::STEP] > 0).astype(np.uint8)
     rows, columns = mask.shape
-    return Look(colour_bins(hsv), _MOTION_BINS[moved], foreground, (rows, columns))
+    return PictureGrids(colour_bins(hsv), _MOTION_BINS[moved], foreground, (rows, columns))
 
 
 _MOTION_BINS = np.minimum(np.log2(np.arange(256) / 2.0 + 1.0), MOTIONS - 1).astype(np.uint8)
@@ -154,7 +154,7 @@ def _inner(state: Array, part: float) -> tuple[slice, slice]:
     return edges(float(state[Y]), float(state[H])), edges(float(state[X]), float(state[W]))
 
 
-def refer(seen: Look, state: Array, o: ObservationOptions) -> Reference:
+def refer(seen: PictureGrids, state: Array, o: ObservationOptions) -> Reference:
     """The histograms of the box of a state (8,), taken at a birth."""
     covered = np.zeros(seen.colour.shape, np.uint8)
     counts = np.zeros((3, COLOURS))
@@ -173,14 +173,14 @@ def difference(a: Reference, b: Reference) -> float:
 
 
 def observe(
-    seen: Look,
+    seen: PictureGrids,
     states: States,
     reference: Reference,
     usual: float,
     o: ObservationOptions,
     covered: Image,
     claimed: Image,
-) -> Seen:
+) -> BoxCosts:
     """Compare the boxes of states (n, 8) with a reference.
 
     Grids: `covered` is 1 under nearer targets, `claimed` counts where other targets are expected.
@@ -196,7 +196,7 @@ def observe(
         o.colour, o.motion, o.silhouette, o.band, o.core, o.neutral, o.claim,
         o.foreground_only,
     )  # fmt: skip
-    return Seen(out[0], out[1], out[2], out[3], out[4])
+    return BoxCosts(out[0], out[1], out[2], out[3], out[4])
 
 
 _ROOTS = np.sqrt(np.arange(_MOST_COUNTED))

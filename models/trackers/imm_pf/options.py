@@ -15,9 +15,9 @@ class TrackerOptions:
     filter: ImmOptions = field(default_factory=ImmOptions)
     observation: ObservationOptions = field(default_factory=ObservationOptions)
 
-    absent_looks: float = 4.6
+    absent_appearance: float = 4.6
     """Appearance cost of a box that holds no target; a silhouette that says nothing is added (see `absent_cost`)."""
-    usual_looks: float = 2.0
+    usual_appearance: float = 2.0
     """Appearance cost that a newborn target is expected to have."""
     usual_s: float = 3.0
     """Time over which that expectation follows the target."""
@@ -42,7 +42,7 @@ class TrackerOptions:
     """Share of the box beyond the picture's edge at which a target has left."""
     lost_s: float = 10.0
     """How long a target that ended is remembered, to be known again."""
-    lost_looks: float = 0.6
+    lost_distance: float = 0.6
     """Sum of the two colour distances (0 to 2) up to which a target is known again."""
     lost_reach: float = 1.0
     """It is looked for within this many heights a second of absence, and half a height more."""
@@ -79,4 +79,4 @@ class TrackerOptions:
     def absent_cost(self) -> float:
         """Minus the log likelihood of a box that holds no target."""
         seen = self.observation
-        return self.absent_looks + seen.silhouette * (1.0 - seen.neutral)
+        return self.absent_appearance + seen.silhouette * (1.0 - seen.neutral)

@@ -28,13 +28,13 @@ from lumpwatch.models.trackers.foreground import Foreground
 from lumpwatch.models.trackers.imm_pf.births import candidates, outside
 from lumpwatch.models.trackers.imm_pf.filter import ImmBelief, ImmFilter, estimate, joint_weights, predict_all
 from lumpwatch.models.trackers.imm_pf.observation import (
-    Look,
+    PictureGrids,
     Reference,
     add,
     difference,
-    look,
     observe,
     paint,
+    reduced,
     refer,
 )
 from lumpwatch.models.trackers.imm_pf.options import TrackerOptions
@@ -88,11 +88,11 @@ class ImmPfTracker:
 
         Raises ValueError for a dt that is not positive, or a picture of another size than the last.
         """
-        seen = look(picture, self._before, self._foreground.apply(picture))
+        seen = reduced(picture, self._before, self._foreground.apply(picture))
         self._before = picture.copy()
         return self.advance(seen, dt)
 
-    def advance(self, seen: Look, dt: float) -> tuple[TrackedObject, ...]:
+    def advance(self, seen: PictureGrids, dt: float) -> tuple[TrackedObject, ...]:
         """The same for a picture that was looked at already."""
         if not 0.0 < dt < float("inf"):
             raise ValueError(f"dt must be positive and finite, not {dt}")
@@ -103,7 +103,7 @@ class ImmPfTracker:
             self._bear(seen, state)
         return tuple(_describe(target) for target in self._targets)
 
-    def _update(self, seen: Look, dt: float) -> None:
+    def _update(self, seen: PictureGrids, dt: float) -> None:
         targets, o = self._targets, self._options
         if not targets:
             return
@@ -135,7 +135,7 @@ class ImmPfTracker:
                 add(claimed, expected, o.cover, 1)
 
     def _correct(
-        self, target: _Target, states: States, seen: Look, others: tuple[Image, Image], dt: float
+        self, target: _Target, states: States, seen: PictureGrids, others: tuple[Image, Image], dt: float
     ) -> None:
         o, before = self._options, target.belief
         boxes = observe(seen, states, target.reference, target.usual, o.observation, *others)
@@ -151,7 +151,7 @@ class ImmPfTracker:
             return
         target.hidden_s = 0.0
         keep = exp(-visible * dt / o.usual_s)
-        target.usual = keep * target.usual + (1.0 - keep) * float(weights @ boxes.looks)
+        target.usual = keep * target.usual + (1.0 - keep) * float(weights @ boxes.appearance)
         ratio = float(np.clip(log_evidence + o.absent_cost, -o.most_evidence, o.most_evidence))
         ratio *= visible * min(1.0, dt / o.independent_s)
         target.log_odds = float(np.clip(target.log_odds + ratio, -o.most_log_odds, o.most_log_odds))
@@ -170,13 +170,13 @@ class ImmPfTracker:
             expected = lost.state[[X, Y]] + lost.state[[VX, VY]] * min(lost.lost_s, 1.0)
             gap = float(np.hypot(*(target.state[[X, Y]] - expected))) / reach
             apart = difference(lost.reference, target.reference)
-            if gap < 1.0 and apart < o.lost_looks and gap + apart < best:
+            if gap < 1.0 and apart < o.lost_distance and gap + apart < best:
                 best, known = gap + apart, lost
         if known is not None:
             self._lost.remove(known)
             target.id = known.id
 
-    def _end(self, seen: Look, dt: float) -> None:
+    def _end(self, seen: PictureGrids, dt: float) -> None:
         o = self._options
         for lost in self._lost:
             lost.lost_s += dt
@@ -207,7 +207,7 @@ class ImmPfTracker:
             for other in self._targets
         )
 
-    def _bear(self, seen: Look, state: Array) -> None:
+    def _bear(self, seen: PictureGrids, state: Array) -> None:
         o = self._options
         spread = np.zeros(SIZE)
         spread[[X, Y]] = o.birth_spread * state[H]
@@ -217,13 +217,13 @@ class ImmPfTracker:
         reference = refer(seen, state, o.observation)
         self._last_id += 1
         self._targets.append(
-            _Target(self._last_id, belief, reference, state, spread, o.usual_looks, o.birth_log_odds)
+            _Target(self._last_id, belief, reference, state, spread, o.usual_appearance, o.birth_log_odds)
         )
 
     def _sized(self, state: Array) -> Array:
-        one = state[None].copy()
-        self._size.fill(one)
-        return np.asarray(one[0])
+        row = state[None].copy()
+        self._size.fill(row)
+        return np.asarray(row[0])
 
 
 def _describe(target: _Target) -> TrackedObject:

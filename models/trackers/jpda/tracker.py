@@ -60,7 +60,7 @@ class _Target:
     width: float
     height: float
     existence: float
-    looks: Array | None
+    appearance: Array | None
     """Colour histograms as last seen, None where no picture was given."""
     heading: Heading
     seen_s: float = 0.0
@@ -108,14 +108,14 @@ class JpdaTracker:
         if options.split:
             sure = [i for i, target in enumerate(self._targets) if target.confirmed]
             boxes = split(boxes, np.hstack([states.mean[sure, :2], self._sizes()[sure]]))
-        looks = None
+        histograms = None
         if picture is not None and options.colour.weight > 0.0:
-            looks = colour.histograms(picture, boxes, options.colour.bins)
+            histograms = colour.histograms(picture, boxes, options.colour.bins)
 
         seen = innovations(states, centres(boxes, self._sizes(), self._shape), self._noise)
         prior = self._existence() * np.exp(-dt / options.lifetime_s)
         found = self._associate(
-            self._likelihood(seen, looks),
+            self._likelihood(seen, histograms),
             options.detection * prior,
             self._density,
             self._gate_probability,
@@ -125,11 +125,11 @@ class JpdaTracker:
         existence, beta = self._integrated(prior, found.beta)
         self._states = update(states, seen, beta, self._noise)
         self._targets = [
-            self._followed(i, target, existence[i], beta[i], boxes, looks, dt)
+            self._followed(i, target, existence[i], beta[i], boxes, histograms, dt)
             for i, target in enumerate(self._targets)
         ]
         self._end(beta, dt)
-        self._start(boxes, looks, 1.0 - found.beta[:, 1:].sum(axis=0))
+        self._start(boxes, histograms, 1.0 - found.beta[:, 1:].sum(axis=0))
         return self._objects()
 
     def _checked(self, boxes: Array, dt: float, picture: NDArray[np.uint8] | None) -> Array:
@@ -144,14 +144,14 @@ class JpdaTracker:
             raise ValueError(f"the picture must be {self._shape}, not {picture.shape}")
         return boxes
 
-    def _likelihood(self, seen: Innovations, looks: Array | None) -> Array:
+    def _likelihood(self, seen: Innovations, histograms: Array | None) -> Array:
         """L_ij (n, m)."""
         options = self._options
         ratio = (seen.density / self._density) ** options.space_weight
-        known = [i for i, target in enumerate(self._targets) if target.looks is not None]
-        if looks is not None and len(looks) and known:
-            references = np.stack([looks_of for t in self._targets if (looks_of := t.looks) is not None])
-            by_colour = colour.ratio(references, looks, options.colour.kappa, options.colour.neutral)
+        known = [i for i, target in enumerate(self._targets) if target.appearance is not None]
+        if histograms is not None and len(histograms) and known:
+            references = np.stack([known_as for t in self._targets if (known_as := t.appearance) is not None])
+            by_colour = colour.ratio(references, histograms, options.colour.kappa, options.colour.neutral)
             ratio[known] *= by_colour**options.colour.weight
         return np.where(seen.distance <= options.gate_sigma**2, self._density * ratio, 0.0)
 
@@ -170,7 +170,7 @@ class JpdaTracker:
         existence: float,
         beta: Array,
         boxes: Array,
-        looks: Array | None,
+        histograms: Array | None,
         dt: float,
     ) -> _Target:
         """The target after the update of its state."""
@@ -198,7 +198,7 @@ class JpdaTracker:
             width=float(size[0]),
             height=float(size[1]),
             existence=float(existence),
-            looks=target.looks if looks is None or beta[1 + best] < 0.5 else looks[best],
+            appearance=target.appearance if histograms is None or beta[1 + best] < 0.5 else histograms[best],
             heading=heading,
             seen_s=seen_s,
             missed_s=0.0,
@@ -251,7 +251,7 @@ class JpdaTracker:
             shared = self._targets[i].shared_s + dt if same else 0.0
             self._targets[i] = replace(self._targets[i], shared_s=shared)
 
-    def _start(self, boxes: Array, looks: Array | None, unexplained: Array) -> None:
+    def _start(self, boxes: Array, histograms: Array | None, unexplained: Array) -> None:
         """Start a target at each measurement that no target explains and that is far from all (Eq. 30)."""
         options = self._options
         apart = np.hypot(*(boxes[:, None, :2] - self._states.mean[None, :, :2]).T).T
@@ -265,9 +265,9 @@ class JpdaTracker:
         covariance[:] = np.diag([*np.diag(self._noise), speed, speed, rate, rate])
         for j in born:
             x, y, width, height = (float(c) for c in boxes[j])
-            looks_of = None if looks is None else looks[j]
+            appearance = None if histograms is None else histograms[j]
             self._targets.append(
-                _Target(self._next_id, width, height, options.birth_existence, looks_of, Heading(x, y))
+                _Target(self._next_id, width, height, options.birth_existence, appearance, Heading(x, y))
             )
             self._next_id += 1
         self._states = Gaussians(

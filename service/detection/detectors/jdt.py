@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from lumpwatch.models.jdt.filter import Diagnostics, JdtFilter
-from lumpwatch.models.jdt.multi_object import Looks, MultiBelief, MultiJdtFilter
+from lumpwatch.models.jdt.multi_object import Appearance, MultiBelief, MultiJdtFilter
 from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.likelihood import Observation
 from lumpwatch.models.roi import Image, Roi
@@ -42,7 +42,7 @@ class _Engine(Protocol):
         """Go on with other fixed parts."""
 
     def step(
-        self, observation: Observation, looks: Callable[[], Looks], dt: float
+        self, observation: Observation, appearance: Callable[[], Appearance], dt: float
     ) -> tuple[list[_Found], Diagnostics]:
         """One frame."""
 
@@ -75,7 +75,7 @@ class _One:
         self._filter = single
 
     def step(
-        self, observation: Observation, looks: Callable[[], Looks], dt: float
+        self, observation: Observation, appearance: Callable[[], Appearance], dt: float
     ) -> tuple[list[_Found], Diagnostics]:
         step = self._filter.step(self._belief, observation, dt, self._rng)
         self._belief = step.belief
@@ -118,9 +118,9 @@ class _Several:
         self._filter = MultiJdtFilter(single, most=self._most, track_particles=particles)
 
     def step(
-        self, observation: Observation, looks: Callable[[], Looks], dt: float
+        self, observation: Observation, appearance: Callable[[], Appearance], dt: float
     ) -> tuple[list[_Found], Diagnostics]:
-        step = self._filter.step(self._belief, observation, looks, dt, self._rng)
+        step = self._filter.step(self._belief, observation, appearance, dt, self._rng)
         self._belief = step.belief
         found = [_Found(track.id, track.belief.existence, track.estimate) for track in step.belief.tracks]
         return found, step.diagnostics

@@ -36,7 +36,7 @@ from lumpwatch.models.learning import (
     samples,
 )
 from lumpwatch.models.learning.motion import Law, ModelSpec
-from lumpwatch.models.learning.switches import fit_switching
+from lumpwatch.models.learning.transitions import fit_transitions
 from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
 from lumpwatch.models.likelihood.histogram import Channel
 from lumpwatch.models.roi import Roi, make_roi
@@ -227,7 +227,7 @@ def learn_motions(experiment: Experiment, method: Method, knowledge: Knowledge) 
     specs = [ModelSpec(LAWS[kind]) for kind in method.kinds]
     motion = fit_motion(steps, specs, 0.01 * height)
     count = len(specs)
-    switches = fit_switching(
+    switches = fit_transitions(
         steps,
         motion.labels,
         count,

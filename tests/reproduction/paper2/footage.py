@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lumpwatch.models.evaluation import Tracks, tracks_of
 from lumpwatch.models.jdt.motion_prior import CellVelocities, flow_vectors, learn_cells
 from lumpwatch.models.trackers.foreground import Foreground
-from lumpwatch.models.trackers.imm_pf import LinearSize, Look, learn_linear, look
+from lumpwatch.models.trackers.imm_pf import LinearSize, PictureGrids, learn_linear, reduced
 from tests.footage import footage_folder
 
 FPS = 7.0
@@ -76,14 +76,14 @@ class Learned:
 
 
 def learn(video: Path, truth: Tracks, foreground: Foreground) -> Learned:
-    """Look at each picture once; learn sizes from the labels and velocities from the flow of the foreground."""
-    looks: list[Look] = []
+    """Reduce each picture once; learn sizes from the labels and velocities from the flow of the foreground."""
+    grids: list[PictureGrids] = []
     places, speeds = [], []
     before = gray_before = mask_before = None
     for picture in pictures(video):
         mask = foreground.apply(picture)
-        looks.append(look(picture, before, mask))
-        if len(looks) <= LEARNED:
+        grids.append(reduced(picture, before, mask))
+        if len(grids) <= LEARNED:
             gray = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
             if gray_before is not None:
                 where, speed = flow_vectors(gray_before, gray, 1.0 / FPS, mask_before)
@@ -94,11 +94,11 @@ def learn(video: Path, truth: Tracks, foreground: Foreground) -> Learned:
         before = picture
     labelled = part_of(truth, 1, LEARNED).boxes
     size = learn_linear(np.hstack([labelled[:, :2] + labelled[:, 2:] / 2, labelled[:, 2:]]))
-    cells = learn_cells(np.concatenate(places), np.concatenate(speeds), looks[0].shape, CELL)
+    cells = learn_cells(np.concatenate(places), np.concatenate(speeds), grids[0].shape, CELL)
     return Learned(
         Knowledge(size, cells),
-        looks[0].shape,
-        np.stack([one.colour for one in looks]),
-        np.stack([one.motion for one in looks]),
-        np.stack([one.foreground for one in looks]),
+        grids[0].shape,
+        np.stack([grid.colour for grid in grids]),
+        np.stack([grid.motion for grid in grids]),
+        np.stack([grid.foreground for grid in grids]),
     )

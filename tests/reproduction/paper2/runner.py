@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.evaluation import Scores, Tracks, evaluate, tracks_of
 from lumpwatch.models.trackers.foreground import MixtureForeground
-from lumpwatch.models.trackers.imm_pf import ImmPfTracker, Look, TrackerOptions
+from lumpwatch.models.trackers.imm_pf import ImmPfTracker, PictureGrids, TrackerOptions
 from lumpwatch.models.trackers.tracked import TrackedObject
 from tests.reproduction.paper2.footage import FPS, FRAMES, LEARNED, Knowledge, Learned, part_of, pictures
 from tests.reproduction.paper2.methods import make_models
@@ -60,8 +60,8 @@ class _Shared:
 
     def __init__(self, place: Path, shape: tuple[int, int], knowledge: Knowledge, truth: Tracks) -> None:
         grids = [np.load(place / f"{name}.npy", mmap_mode="r") for name in ("colour", "motion", "foreground")]
-        self.looks = [
-            Look(*(np.array(grid[k]) for grid in grids), shape)  # a copy in memory: some 260 MB
+        self.grids = [
+            PictureGrids(*(np.array(grid[k]) for grid in grids), shape)  # a copy in memory: some 260 MB
             for k in range(len(grids[0]))
         ]
         self.knowledge, self.truth = knowledge, truth
@@ -95,7 +95,7 @@ def run(task: Task) -> Outcome:
         np.random.default_rng(task.seed),
     )
     began = time.process_time()
-    objects = [tracker.advance(seen, 1.0 / FPS) for seen in shared.looks]
+    objects = [tracker.advance(seen, 1.0 / FPS) for seen in shared.grids]
     seconds = time.process_time() - began
     return Outcome(
         measure(result_of(objects), shared.truth),

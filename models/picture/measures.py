@@ -24,7 +24,7 @@ _COARSE = 17  # side of the box that ends the coarse band, pixels of the halved 
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class PictureMeasures:
     """What one picture of a region looks like; levels are grey levels 0 to 255."""
 
     mean: float
@@ -54,7 +54,7 @@ class Look:
         return float(np.median(self.texture)) / max(self.mean, 1.0)
 
 
-class Looker:
+class PictureMeter:
     """Measures pictures of one region; `mask` (h, w) is 1 inside its polygon."""
 
     def __init__(self, mask: Image) -> None:
@@ -69,7 +69,7 @@ class Looker:
         """How many tiles count."""
         return int(self._inside.sum())
 
-    def look(self, gray: Image) -> Look:
+    def measure(self, gray: Image) -> PictureMeasures:
         """Measure one working picture (h, w)."""
         counts = cv2.calcHist([gray], [0], self._mask, [256], [0, 256]).ravel()
         total = float(counts.sum())
@@ -79,7 +79,7 @@ class Looker:
         middle = cv2.GaussianBlur(half, (5, 5), 1.0)
         fine = self._energy(half - middle)
         coarse = self._energy(middle - cv2.blur(middle, (_COARSE, _COARSE)))
-        return Look(
+        return PictureMeasures(
             mean=float(counts @ self._levels) / total,
             dark=float(np.searchsorted(below, 0.05)),
             bright=float(np.searchsorted(below, 0.95)),

@@ -13,7 +13,7 @@ from lumpwatch.models.state import Labels
 
 
 @dataclass(frozen=True, slots=True)
-class SwitchingFit:
+class TransitionFit:
     """What Eq. 10 and Eq. 12 need."""
 
     joint: Matrix
@@ -21,7 +21,7 @@ class SwitchingFit:
     densities: density.GridDensity
 
 
-def fit_switching(
+def fit_transitions(
     steps: Samples,
     labels: Labels,
     models: int,
@@ -30,7 +30,7 @@ def fit_switching(
     rule: density.Bandwidth = "scott",
     *,
     state_first: bool = False,
-) -> SwitchingFit:
+) -> TransitionFit:
     """Joint probabilities and densities from steps and their labels (k,).
 
     With `state_first` alpha_{t-1} moves x_t (Eq. 9 literally), so that alpha_t is the model of the step
@@ -39,7 +39,7 @@ def fit_switching(
     follows = np.flatnonzero(~steps.starts)
     previous, following = labels[follows - 1], labels[follows]
     states, named = (steps.states[follows - 1], following) if state_first else (steps.states, labels)
-    return SwitchingFit(
+    return TransitionFit(
         joint_probabilities(previous, following, models),
         density.learn(states, named, models, components, least_bandwidth, rule),
     )
