@@ -106,7 +106,7 @@ def replay(arguments: argparse.Namespace) -> int:
             frames,
             arguments.video.name,
             arguments.out,
-            watchers,
+            watchers=watchers,
             reference=reference,
         )
     if curves is not None:

@@ -25,6 +25,8 @@ class BlindReason(StrEnum):
 
     STARTING = "starting"
     """No frame has come yet."""
+    UNFIT = "unfit"
+    """The region does not fit the picture: it has another size or shape than polygon, calibration or detector need."""
     NO_STREAM = "no_stream"
     """No frame comes."""
     STALE = "stale"

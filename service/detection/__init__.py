@@ -1,12 +1,13 @@
 """From picture to decision: regions, detectors, picture quality, and the pipeline of one camera."""
 
-from lumpwatch.service.detection.camera_pipeline import CameraPipeline, Unobserved
+from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.base import SHOWN_ABOVE, Detector, FilterState
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, make_likelihood, make_profile
-from lumpwatch.service.detection.detectors.jdt import JdtDetector
 from lumpwatch.service.detection.network import make_network
+from lumpwatch.service.detection.observer import Unobserved
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.detection.region import make_region
+from lumpwatch.service.detection.region_channel import RegionChannel, RegionMisfitError
 from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.detection.shipped_likelihood import default_likelihood
 from lumpwatch.service.detection.sizing import Looks, make_plane
@@ -19,8 +20,9 @@ __all__ = [
     "CameraQuality",
     "Detector",
     "FilterState",
-    "JdtDetector",
     "Looks",
+    "RegionChannel",
+    "RegionMisfitError",
     "Shadows",
     "Snapshot",
     "Unobserved",

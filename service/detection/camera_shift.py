@@ -46,7 +46,7 @@ class Mount:
         self._registrations = ()
         self.followed_px, self.lost, self.shift_px = (0, 0), False, None
         self._begin(width)
-        if reference is None or not self._enabled:
+        if reference is None or not self._enabled or not rois:
             return
         size = np.array([width, height], dtype=float)
         corners = [roi.corners / size for roi in rois.values()]

@@ -39,10 +39,16 @@ class CameraQuality:
         """Where the camera looks."""
 
     def fit(self, rois: Mapping[str, Roi], width: int, height: int, reference: Reference | None) -> None:
-        """Measure pictures of this size with these regions, against another reference or none."""
+        """Measure pictures of this size with these regions, against another reference or none.
+
+        A region that is not among them is not measured.
+        """
         for name, region in self._regions.items():
             lights = () if reference is None else tuple(one.regions[name] for one in reference.lights)
-            region.fit(rois[name], lights)
+            if name in rois:
+                region.fit(rois[name], lights)
+            else:
+                region.leave()
         self.mount.fit(rois, width, height, reference)
 
     def picture(self, frame: Frame, now_s: float) -> None:
@@ -52,7 +58,7 @@ class CameraQuality:
         overload = self._config.overload
         self._pace.add(frame.seq, frame.capture_s, now_s - frame.received_s, overload.entry_s)
         self._late = self._pace.age_s > overload.longest_age_s or self._pace.share < overload.least_share
-        light = next(iter(self._regions.values())).light
+        light = next((region.light for region in self._regions.values() if region.measured), 0)
         self.mount.see(frame, light)
 
     def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
@@ -136,6 +142,17 @@ class _Region:
         self._jumps = JumpWatch(self._config.exposure.factor)
         self._looked_s = float("-inf")
         self.light = min(self.light, max(len(lights) - 1, 0))
+
+    def leave(self) -> None:
+        """Measure nothing until the next `fit`."""
+        self._looker = None
+        self.suspect, self.held_off = False, False
+        self.slow = {}
+
+    @property
+    def measured(self) -> bool:
+        """Whether its pictures are."""
+        return self._looker is not None
 
     @property
     def found(self) -> set[BlindReason]:

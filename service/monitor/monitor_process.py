@@ -105,9 +105,9 @@ class Monitor:
         self._pipeline = CameraPipeline(
             self._camera,
             {roi.id: self._priors.first(roi.id) for roi in self._camera.rois},
-            metrics,
-            events.alarms(time.monotonic(), time.time(), host_clock()),
-            self._references.look(time.monotonic()),
+            observer=metrics,
+            alarms=events.alarms(time.monotonic(), time.time(), host_clock()),
+            reference=self._references.look(time.monotonic()),
         )
         self._keys = Keys(config.site)
         self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
@@ -212,7 +212,7 @@ class Monitor:
             size=lambda: self._pipeline.size,
             prior=prior,
             decision=lambda roi: self._decisions[roi].decision,
-            stopped=self._link.stop.is_set,
+            stopped=self._link.stop.wait,
         )
 
     def _tell_troubles(self) -> None:

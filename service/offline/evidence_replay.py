@@ -100,7 +100,6 @@ def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...]
             yield frame
 
     def prepare(pipeline: CameraPipeline) -> None:
-        pipeline.quality = quality
         if meta.exact:
             pipeline.restore(meta.roi, start)
 
@@ -111,9 +110,10 @@ def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...]
         frames(),
         meta.name,
         out,
-        watchers,
-        prepare,
-        lambda frame: decided_s[frame.seq],
+        watchers=watchers,
+        prepare=prepare,
+        decided_s=lambda frame: decided_s[frame.seq],
+        quality=quality,
     )
     live = evidence.read(STATES).splitlines()
     again = (out / "states.jsonl").read_bytes().splitlines()

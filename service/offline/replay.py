@@ -15,7 +15,7 @@ from typing import IO
 
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Clocks, Frame, RoiResult
-from lumpwatch.service.detection import CameraPipeline, Unobserved
+from lumpwatch.service.detection import CameraPipeline, CameraQuality, Unobserved
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import alarm_event, state_line
 from lumpwatch.service.storage import Prior, Reference
@@ -93,19 +93,24 @@ def run_replay(
     frames: Iterable[Frame],
     video: str,
     out: Path,
+    *,
     watchers: Iterable[Watcher] = (),
     prepare: Callable[[CameraPipeline], None] = lambda _: None,
     decided_s: Callable[[Frame], float] = lambda frame: frame.received_s,
     reference: Reference | None = None,
+    quality: CameraQuality | None = None,
 ) -> Summary:
     """Run the pipeline over `frames` and write states.jsonl, alarms.jsonl and summary.json into `out`.
 
-    `prepare` is shown the pipeline before the first frame; `decided_s` tells when a frame is decided.
-    Raises ReplayError where `out` cannot be written or the file holds no frame, and what the source
-    and the pipeline raise.
+    `prepare` is shown the pipeline before the first frame; `decided_s` tells when a frame is decided;
+    `quality` judges the picture in the place of the pipeline. Raises ReplayError where `out` cannot be
+    written or the file holds no frame, RegionMisfitError where no ROI fits the pictures, and what the
+    source raises.
     """
     summary = Summary(site, camera.id, video, rois={roi.id: RoiSummary() for roi in camera.rois})
-    pipeline = CameraPipeline(camera, priors, _Drops(summary.dropped), reference=reference)
+    pipeline = CameraPipeline(
+        camera, priors, observer=_Drops(summary.dropped), reference=reference, quality=quality
+    )
     prepare(pipeline)
     watching = tuple(watchers)
     start_s: float | None = None
@@ -116,6 +121,7 @@ def run_replay(
             for frame in frames:
                 start_s = frame.capture_s if start_s is None else start_s
                 results = pipeline.process(frame, decided_s(frame))
+                pipeline.check_fit()
                 for result in results:
                     states.write(state_line(result, camera.id, start_s).line() + b"\n")
                     _write_alarms(alarms, result, site, camera.id, sequences, start_s)

@@ -1,7 +1,7 @@
 """Cross-validation by labelled lump: each is judged by what was learned from the others.
 
 For every fold the whole prior is learned anew without its lumps and without the pictures that show them.
-Then the likelihood is asked about those pictures, and the filter watches each lump come.
+Then the likelihood is asked about those pictures, and the region watches each lump come as it would live.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, Learned
 from lumpwatch.models.learning.validation import BOUND, Bin, Verdict, folds, judge, reliability
 from lumpwatch.models.state import H, W, X, Y
 from lumpwatch.service.config import HistogramConfig, JdtConfig, LumpConfig, NetworkConfig, RoiConfig
-from lumpwatch.service.detection import JdtDetector, make_likelihood
+from lumpwatch.service.detection import make_likelihood
 from lumpwatch.service.training.dataset import Lump, Material
 from lumpwatch.service.training.evidence_rate import with_looks
 from lumpwatch.service.training.footage import Moment, TrainingError
 from lumpwatch.service.training.learner import learn
+from lumpwatch.service.training.watching import watch
 
 FOLD_VIEWS = 250
 """Pictures that a fold learns from, so that all folds together take about as long as the training."""
 LEAD_S = 2.0
-"""How long before its first label the filter begins to watch."""
+"""How long before its first label the region begins to watch."""
 OVERLAP = 0.3
 """Intersection over union from which an estimate lies on a lump."""
 TRIED = 400
@@ -63,7 +64,7 @@ class HeldOut:
     judged: tuple[Judged, ...]
     """The pictures that say something, in order."""
     warned_s: float | None
-    """How long before its last label the filter, above the alarm's threshold, was on it; None: never."""
+    """How long before its last label the alarm stood with an estimate on it; None: never."""
 
     @property
     def ratio(self) -> float:
@@ -159,7 +160,7 @@ def cross_validate(
             for lump in lumps:
                 judged = _judged(material, lump, verdicts)
                 if judged:
-                    held.append(HeldOut(lump, judged, _warned(roi, config, material, learned, lump)))
+                    held.append(HeldOut(lump, judged, _warned(roi, material, learned, lump)))
                 else:
                     failures.append(f"{_name(material, lump)} lies in no picture that could be judged")
         advance(number)
@@ -212,28 +213,17 @@ def _judged(material: Material, lump: Lump, verdicts: dict[int, Verdict]) -> tup
     return tuple(out)
 
 
-def _warned(
-    roi: RoiConfig, config: JdtConfig, material: Material, learned: Learned, lump: Lump
-) -> float | None:
-    """Let the filter watch the pictures around a lump."""
-    footage = material.footage
-    watched = [
-        (view, moment)
-        for view, moment in zip(footage.views, footage.moments, strict=True)
-        if moment.clip == lump.clip
-    ]
-    shown = [moment.time_s for _, moment in watched if lump.id in moment.tracks]
-    detector = JdtDetector(config, footage.roi, learned)
-    last_s: float | None = None
-    for view, moment in watched:
-        if not shown[0] - LEAD_S <= moment.time_s <= shown[-1]:
+def _warned(roi: RoiConfig, material: Material, learned: Learned, lump: Lump) -> float | None:
+    """Let the region watch the pictures around a lump, and judge them by the rules of its alarm."""
+    shown = [m.time_s for m in material.footage.moments if m.clip == lump.clip and lump.id in m.tracks]
+
+    def around(moment: Moment) -> bool:
+        return moment.clip == lump.clip and shown[0] - LEAD_S <= moment.time_s <= shown[-1]
+
+    for (view, moment), channel in watch(roi, material.footage, learned, around):
+        if not channel.alarm.active or channel.detection is None or lump.id not in moment.tracks:
             continue
-        dt = footage.interval_s if last_s is None else moment.time_s - last_s
-        last_s = moment.time_s
-        found = detector.step(view.view.gray, view.view.colour, dt)
-        if found.existence < roi.alarm.raise_above or lump.id not in moment.tracks:
-            continue
-        boxes = np.array([(one.x, one.y, one.w, one.h) for one in found.objects]).reshape(-1, 4)
+        boxes = np.array([(one.x, one.y, one.w, one.h) for one in channel.detection.objects]).reshape(-1, 4)
         if len(boxes) and (overlaps(boxes, _label(material, view, moment, lump.id)) > OVERLAP).any():
             return shown[-1] - moment.time_s
     return None

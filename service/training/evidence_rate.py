@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.learning import Learned, LumpFit
 from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S
-from lumpwatch.service.config import DetectorConfig, JdtConfig, LumpConfig
-from lumpwatch.service.detection import DEFAULT_INTERVAL_S, JdtDetector
+from lumpwatch.service.config import JdtConfig, LumpConfig, RoiConfig
 from lumpwatch.service.training.fitting import fit_likelihood
 from lumpwatch.service.training.footage import Footage, TrainingError
+from lumpwatch.service.training.watching import watch
 
 GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
 """Looks a second that are tried, ascending; the search begins with the most."""
@@ -39,15 +39,13 @@ _SURE = 0.001
 """Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
 
 
-def temper(
-    config: DetectorConfig, footage: Footage, learned: Learned, advance: Callable[[int], None]
-) -> Learned:
+def temper(roi: RoiConfig, footage: Footage, learned: Learned, advance: Callable[[int], None]) -> Learned:
     """What was learned with its looks a second; as it was where the footage cannot teach them.
 
     That is where the likelihood is no lump's, `evidence` is configured, all frames or none show a lump, or a
     part of the footage teaches nothing. `advance` is told how many candidates have been judged.
     """
-    fit = learned.likelihood
+    config, fit = roi.detector, learned.likelihood
     if not isinstance(config, JdtConfig) or not isinstance(config.likelihood, LumpConfig):
         return learned
     if config.likelihood.evidence is not None or not isinstance(fit, LumpFit):
@@ -66,7 +64,7 @@ def temper(
     tried = [looks for looks in GRID if looks <= most or quiet_s >= QUIET_S]
     for number, looks in enumerate(reversed(tried), start=1):
         existence = [
-            _watch(config, fold.judged, with_looks(replace(learned, likelihood=one), looks))
+            _existence(roi, fold.judged, with_looks(replace(learned, likelihood=one), looks))
             for fold, one in zip(folds, fits, strict=True)
         ]
         score = log_score(
@@ -128,14 +126,7 @@ def with_looks(learned: Learned, looks_per_s: float) -> Learned:
     return replace(learned, likelihood=replace(fit, looks_per_s=looks_per_s))
 
 
-def _watch(config: JdtConfig, footage: Footage, learned: Learned) -> NDArray[np.float64]:
+def _existence(roi: RoiConfig, footage: Footage, learned: Learned) -> NDArray[np.float64]:
     """Existence after each picture, every clip from its beginning."""
-    existence = []
-    times = [(moment.clip, moment.time_s) for moment in footage.moments]
-    for (last, now), item in zip(pairwise([(-1, 0.0), *times]), footage.views, strict=True):
-        if last[0] != now[0]:
-            detector, dt = JdtDetector(config, footage.roi, learned), DEFAULT_INTERVAL_S
-        else:
-            dt = now[1] - last[1]
-        existence.append(detector.step(item.view.gray, item.view.colour, dt).existence)
-    return np.array(existence)
+    said = [channel.detection for _, channel in watch(roi, footage, learned)]
+    return np.array([one.existence for one in said if one is not None])

@@ -145,7 +145,7 @@ def tempered(
     roi: RoiConfig, footage: Footage, trained: Trained, advance: Callable[[int], None] = lambda _: None
 ) -> Trained:
     """The training with its evidence tempered; `advance` is told how many candidates were judged, of `GRID`."""
-    return replace(trained, learned=temper(roi.detector, footage, trained.learned, advance))
+    return replace(trained, learned=temper(roi, footage, trained.learned, advance))
 
 
 def labelled_tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:

@@ -80,7 +80,9 @@ def suggest(
     times: list[float] = []
     for frame in frames:
         times.append(frame.capture_s)
-        for result in pipeline.process(frame, frame.received_s):
+        results = pipeline.process(frame, frame.received_s)
+        pipeline.check_fit()
+        for result in results:
             for found in result.detection.objects if result.detection else ():
                 _add(pieces, found, frame)
         advance(len(times))

@@ -95,8 +95,8 @@ def _validation(material: Material, validation: Validation | None) -> str:
     about = (
         f"The region was learned {validation.folds} times, each time without some of the lumps and without the "
         "pictures that show them. The log likelihood ratio of a held-out lump (blue) should lie above that of the "
-        "background box that looks most like a lump (red), and above 0. A lump is found when the filter, above "
-        "the alarm's threshold, puts a box on it."
+        "background box that looks most like a lump (red), and above 0. A lump is found when the alarm, by its "
+        "thresholds and delays, stands with a box on it."
     )
     names = ("lump", "clip", "lump's ratio", "hardest background", "ahead in", "over time", "found")
     rows = [_row(material, one) for one in validation.lumps]

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from lumpwatch.service.capture.camera_process import Reducer
-from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config import CalibrationConfig, CameraConfig, QualityConfig
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmState, Change, all_of, shelve
 from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult, Trouble
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.jdt import JdtDetector
-from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.detection.region_channel import RegionMisfitError
 from lumpwatch.service.storage.prior_file import Prior
 from tests.service_helpers import (
     HEIGHT,
@@ -56,7 +56,7 @@ class Counting:
 def pipeline(
     config: CameraConfig | None = None, used: Prior | None = None, observer: Counting | None = None
 ) -> CameraPipeline:
-    return CameraPipeline(config or camera(), {"apron": used or prior(version=3)}, observer)
+    return CameraPipeline(config or camera(), {"apron": used or prior(version=3)}, observer=observer)
 
 
 def feed(target: CameraPipeline, frames: list[Frame]) -> list[RoiResult]:
@@ -283,27 +283,88 @@ def test_another_size_makes_the_filter_anew() -> None:
     assert results[-1].reason is None
 
 
-def test_a_roi_that_is_too_small_is_named() -> None:
-    target = pipeline()
-    with pytest.raises(LumpwatchError, match=r"^camera cam, roi apron: the region is only 8 x 6 pixels"):
-        target.process(frame(0, size=(10, 8)), 0.0)
-    assert target.look(0.1)[0].reason is BlindReason.STARTING
+SMALL = ((0.1, 0.1), (0.3, 0.1), (0.3, 0.4), (0.1, 0.4))
+"""A region that is too small in pictures of 30 x 20."""
 
 
-def test_a_refused_size_leaves_no_trace() -> None:
+def two_regions() -> tuple[CameraConfig, dict[str, Prior | None]]:
     tree = site_tree()
-    small = [[0.1, 0.1], [0.3, 0.1], [0.3, 0.4], [0.1, 0.4]]
-    tree["cameras"][0]["rois"].append(tree["cameras"][0]["rois"][0] | {"id": "chute", "polygon": small})
-    priors = {"apron": prior(), "chute": prior(roi="chute", polygon=tuple((x, y) for x, y in small))}
-    target = CameraPipeline(site(tree).cameras[0], priors)
-    feed(target, scene(3, 0))
-    with pytest.raises(LumpwatchError, match="roi chute"):
-        target.process(frame(3, size=(24, 16)), 0.3)
-    results = target.process(frame(4), 0.4)
-    detector = target.detector("apron")
+    chute = tree["cameras"][0]["rois"][0] | {"id": "chute", "polygon": [list(point) for point in SMALL]}
+    tree["cameras"][0]["rois"].append(chute)
+    return site(tree).cameras[0], {"apron": prior(), "chute": prior(roi="chute", polygon=SMALL)}
+
+
+def test_a_roi_that_does_not_fit_is_blind_and_says_why_once(caplog: pytest.LogCaptureFixture) -> None:
+    target = pipeline()
+    results = feed(target, [frame(k, size=(10, 8)) for k in range(80)])
+    assert len(results) == 80
+    assert {(r.decision, r.reason, r.decided) for r in results} == {
+        (Decision.BLIND, BlindReason.UNFIT, False)
+    }
+    assert target.look(7.95)[0].reason is BlindReason.UNFIT
+    told = [record.getMessage() for record in caplog.records if "apron" in record.getMessage()]
+    assert len(told) == 1
+    assert "camera cam, roi apron" in told[0]
+    assert "8 x 6 pixels" in told[0]
+    (made,) = blind_changes(tuple(results))
+    assert made[0] == "raised"
+    assert (made[1] or "").startswith("unfit: ")
+    assert "8 x 6 pixels" in (made[1] or "")
+    with pytest.raises(RegionMisfitError, match=r"roi apron: .* 8 x 6 pixels"):
+        target.check_fit()
+
+
+def test_other_regions_go_on_beside_one_that_does_not_fit() -> None:
+    config, priors = two_regions()
+    target = CameraPipeline(config, priors)
+    assert {r.reason for r in feed(target, scene(3, 0))} == {None}
+    shown = picture(bright=False, width=30, height=20)
+    shown[7:13, 12:18] = 250
+    later = [target.process(frame(k, data=shown, size=(30, 20)), k / 10) for k in range(3, 30)]
+    apron, chute = ([results[k] for results in later] for k in (0, 1))
+    assert {(r.reason, r.decided) for r in apron} == {(None, True)}
+    assert apron[-1].decision is Decision.LUMP
+    assert {(r.reason, r.decided, r.detection) for r in chute} == {(BlindReason.UNFIT, False, None)}
+    assert target.detector("chute") is None
+    target.check_fit()
+    back = target.process(frame(30), 3.0)
+    assert [(r.reason, r.decided) for r in back] == [(None, True), (None, True)]
+    detector = target.detector("chute")
     assert detector is not None
-    assert (detector.roi.width, detector.roi.height) == (72, 48)
-    assert [r.reason for r in results] == [None, None]
+    assert (detector.roi.width, detector.roi.height) == (20, 20)
+
+
+def test_a_region_that_does_not_fit_keeps_its_alarm() -> None:
+    target = pipeline()
+    before = feed(target, scene(0, 20))[-1]
+    (after,) = target.process(frame(20, size=(10, 8)), 2.0)
+    assert (after.decision, after.reason, after.existence) == (Decision.BLIND, BlindReason.UNFIT, 0.0)
+    assert after.alarm == before.alarm
+    assert after.alarm.state is AlarmState.UNACKNOWLEDGED
+
+
+def test_a_calibration_that_shows_nothing_of_the_belt_blinds_its_region_alone() -> None:
+    config, priors = two_regions()
+    beyond = CalibrationConfig(
+        points=((0.2, 0.6), (0.8, 0.6), (0.9, 0.9), (0.1, 0.9)),
+        points_mm=((0, 0), (1500, 0), (1500, 60000), (0, 60000)),
+        lip=((0.1, 0.9), (0.9, 0.9)),
+        limit_mm=1e5,
+    )
+    rois = (config.rois[0], config.rois[1].model_copy(update={"calibration": beyond}))
+    target = CameraPipeline(config.model_copy(update={"rois": rois}), priors)
+    results = [target.process(one, one.received_s) for one in scene(3, 0)]
+    assert [[r.reason for r in one] for one in results] == [[None, BlindReason.UNFIT]] * 3
+
+
+def test_the_quality_of_the_others_is_measured_beside_one_that_does_not_fit() -> None:
+    config, priors = two_regions()
+    reversed_ = config.model_copy(update={"rois": config.rois[::-1], "quality": QualityConfig()})
+    target = CameraPipeline(reversed_, priors)
+    for k in range(10):
+        chute, apron = target.process(frame(k, size=(30, 20)), k / 10)
+    assert chute.quality.values == {}
+    assert apron.quality.values != {}
 
 
 # Priors
@@ -331,9 +392,23 @@ def test_a_prior_that_does_not_fit_is_refused_and_defaults_are_used(unfit: Prior
     assert results == [bare(r) for r in feed(CameraPipeline(config), frames)]
 
 
-def test_a_histogram_without_a_prior_is_named() -> None:
-    with pytest.raises(LumpwatchError, match="likelihood kind histogram needs a trained prior"):
-        CameraPipeline(camera()).process(frame(0), 0.0)
+def test_a_histogram_without_a_prior_waits_for_one() -> None:
+    target = CameraPipeline(camera())
+    (result,) = target.process(frame(0), 0.0)
+    assert (result.reason, result.prior) == (BlindReason.UNFIT, 0)
+    with pytest.raises(RegionMisfitError, match="likelihood kind histogram needs a trained prior"):
+        target.check_fit()
+    target.use_prior("apron", prior(version=6))
+    (result,) = target.process(frame(1), 0.1)
+    assert (result.reason, result.prior, result.decided) == (None, 6, True)
+
+
+def test_a_prior_that_is_refused_for_one_size_is_used_for_the_next() -> None:
+    """Where the defaults do not do either, as with a histogram, it is kept."""
+    target = pipeline()
+    sizes = [(WIDTH, HEIGHT), (WIDTH, WIDTH), (WIDTH, HEIGHT)]
+    results = feed(target, [frame(k, size=size) for k, size in enumerate(sizes)])
+    assert [(r.reason, r.prior) for r in results] == [(None, 3), (BlindReason.UNFIT, 3), (None, 3)]
 
 
 def test_a_new_prior_goes_on_with_the_alarm() -> None:
@@ -468,7 +543,7 @@ def test_alarms_of_before_a_restart_go_on() -> None:
         ("apron", AlarmClass.BLIND): Alarm(waits=True),
         ("gone", AlarmClass.LUMP): waiting,
     }
-    target = CameraPipeline(camera(), {"apron": prior()}, None, alarms)
+    target = CameraPipeline(camera(), {"apron": prior()}, alarms=alarms)
     (result,) = target.look(0.0)
     assert (result.alarm, result.blind_alarm.state) == (waiting, AlarmState.RETURNED)
     results = feed(target, scene(0, 30))

@@ -27,7 +27,8 @@ from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.base import Detector
-from lumpwatch.service.detection.shadow.shadows import MakeDetector, Shadows
+from lumpwatch.service.detection.region_channel import MakeDetector
+from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.offline.replay import run_replay
 from lumpwatch.service.offline.shadow_replay import ReplayShadow
@@ -68,7 +69,7 @@ class Scripted:
 
 
 def scripted(*said: float | Exception, made: list[Scripted] | None = None) -> MakeDetector:
-    def make(config: DetectorConfig, roi: Roi, prior: Prior) -> Detector:
+    def make(config: DetectorConfig, roi: Roi, learned: Learned | None) -> Detector:
         detector = Scripted(roi, list(said), spoil=True)
         if made is not None:
             made.append(detector)
@@ -296,7 +297,7 @@ ALONE = run(FRAMES, None)
 def test_whatever_the_shadow_does_the_decisions_are_the_same(
     script: list[float | Exception], cost_s: float | None, fails_to_begin: bool
 ) -> None:
-    def refuse(config: DetectorConfig, roi: Roi, prior: Prior) -> Detector:
+    def refuse(config: DetectorConfig, roi: Roi, learned: Learned | None) -> Detector:
         raise RuntimeError("cannot begin")
 
     clock = None if cost_s is None else Clock(cost_s)
@@ -447,7 +448,9 @@ def test_a_replay_counts_the_same_and_decides_the_same(tmp_path: Path) -> None:
     files = []
     for name in ("once", "again"):
         shadow = ReplayShadow(camera(), store, 2)
-        run_replay("pit", camera(), priors, scene(10, 20, 80), "clip.mp4", tmp_path / name, [shadow.watch])
+        run_replay(
+            "pit", camera(), priors, scene(10, 20, 80), "clip.mp4", tmp_path / name, watchers=[shadow.watch]
+        )
         shadow.save(tmp_path / name / "shadow.json")
         files.append((tmp_path / name / "shadow.json").read_bytes())
         for file in ("states.jsonl", "alarms.jsonl", "summary.json"):

@@ -131,7 +131,7 @@ def test_a_day_in_flat_memory(hub: str, tmp_path: Path, record: Record) -> None:
     ):
         outside = Outside(other, states=False)
         announcer = Announcer("test", config, bus, events, metrics, "boot", clock.clocks)
-        pipeline = CameraPipeline(config, {"apron": prior()}, metrics)
+        pipeline = CameraPipeline(config, {"apron": prior()}, observer=metrics)
         life = Life(clock, camera, bus, events, registry, announcer, pipeline)
         began = time.monotonic()
         memory = np.array(life.run())

@@ -38,7 +38,9 @@ def scene() -> list[Frame]:
 
 def run(out: Path, frames: list[Frame] | None = None, watchers: tuple[Any, ...] = ()) -> Any:
     chosen = scene() if frames is None else frames
-    return run_replay("pit", camera(), {"apron": prior(version=2)}, chosen, "clip.mp4", out, watchers)
+    return run_replay(
+        "pit", camera(), {"apron": prior(version=2)}, chosen, "clip.mp4", out, watchers=watchers
+    )
 
 
 @pytest.fixture(scope="module")

@@ -49,7 +49,8 @@ def test_looks_are_kept_where_they_cannot_be_learned() -> None:
     none = _footage()
     configured = JdtConfig(likelihood=LumpConfig(evidence=0.3))
     for config in (configured, JdtConfig(likelihood=HistogramConfig()), JdtConfig()):
-        assert temper(config, none, known, told.append) is known
+        roi = camera().rois[0].model_copy(update={"detector": config})
+        assert temper(roi, none, known, told.append) is known
     assert told == []
     assert known.likelihood.looks_per_s == DEFAULT_LOOKS_PER_S  # type: ignore[union-attr]
 

@@ -307,6 +307,17 @@ def test_every_lump_is_judged_without_itself(small: Site, material: Material) ->
         assert one.warned_s is None or one.warned_s >= 0
 
 
+def test_a_held_out_lump_is_found_when_the_alarm_stands(small: Site, material: Material) -> None:
+    """Not at the first picture on which the filter believes in it: the alarm waits for its on-delay."""
+    roi = small.camera.rois[0]
+    patient = roi.model_copy(update={"alarm": roi.alarm.model_copy(update={"on_delay_s": 60.0})})
+    found = cross_validate(patient, material, 3)
+    assert found is not None
+    assert found.lumps
+    assert not found.found
+    assert {one.warned_s for one in found.lumps} == {None}
+
+
 def test_a_fold_shows_no_picture_of_its_lumps(material: Material) -> None:
     lump = material.lumps[0]
     rest = material.without([lump], 1000)

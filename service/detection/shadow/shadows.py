@@ -10,26 +10,19 @@ import logging
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
-from math import isfinite
 from typing import Protocol
 
-from lumpwatch.models.roi import Roi
-from lumpwatch.service.config import CameraConfig, DetectorConfig, RoiConfig
-from lumpwatch.service.core import Alarm, Frame, RoiResult, step_alarm, working_colour, working_luma
-from lumpwatch.service.detection.detectors.base import Detector
-from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
+from lumpwatch.service.config import CameraConfig, RoiConfig
+from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection.detectors.make import make_detector
-from lumpwatch.service.detection.region import make_region
+from lumpwatch.service.detection.region_channel import EveryPictureFit, MakeDetector, RegionChannel
 from lumpwatch.service.detection.shadow.budget import Budget
 from lumpwatch.service.detection.shadow.differences import Differences, Found
-from lumpwatch.service.detection.sizing import Sizer
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import Counts, ShadowState
 from lumpwatch.service.storage import Prior
 
 log = logging.getLogger(__name__)
-
-MakeDetector = Callable[[DetectorConfig, Roi, Prior], Detector]
 
 
 class ShadowObserver(Protocol):
@@ -64,56 +57,38 @@ class UnobservedShadows:
         """Nothing."""
 
 
-def _make(config: DetectorConfig, roi: Roi, prior: Prior) -> Detector:
-    return make_detector(config, roi, prior.learned)
-
-
 @dataclass(slots=True)
 class _Shadow:
     """One prior on trial."""
 
-    config: RoiConfig
     prior: Prior
     current: int
     since: datetime
     differences: Differences
-    detector: Detector | None = None
-    sizer: Sizer | None = None
-    size: tuple[int, int] = (0, 0)
-    looked_s: float | None = None
-    alarm: Alarm = Alarm()  # noqa: RUF009 - immutable
-    existence: float | None = None
+    channel: RegionChannel
+    pictures: EveryPictureFit
     failed: str | None = None
 
-    def fit(self, frame: Frame, make: MakeDetector) -> None:
-        """Make the detector for pictures of this size. Raises LumpwatchError."""
-        size = (frame.width, frame.height)
-        if size == self.size:
-            return
-        self.prior.check_fits(self.config, *size)
-        roi = make_region(self.config, *size)
-        self.detector = make(self.config.detector, roi, self.prior)
-        calibration = self.config.calibration
-        certain = self.config.alarm.oversize_above
-        self.sizer = None if calibration is None else Sizer(calibration, *size, certain)
-        self.size = size
+    @property
+    def name(self) -> str:
+        """Of the region."""
+        return self.channel.config.id
+
+    @property
+    def looked_s(self) -> float | None:
+        """When it looked last."""
+        return self.channel.last_s
+
+    @property
+    def existence(self) -> float | None:
+        """The probability of a lump then."""
+        return None if self.channel.detection is None else self.channel.detection.existence
 
     def look(self, frame: Frame, offset_px: tuple[int, int] = (0, 0)) -> None:
         """Filter and decide one frame, the region moved by so much; raises whatever is wrong."""
-        assert self.detector is not None
-        roi = self.detector.roi
-        place = roi.at(roi.x + offset_px[0], roi.y + offset_px[1])
-        gray = working_luma(frame, place)
-        colour = working_colour(frame, place) if self.config.detector.needs_colour else None
-        dt = DEFAULT_INTERVAL_S if self.looked_s is None else frame.capture_s - self.looked_s
-        found = self.detector.step(gray, colour, dt)
-        if self.sizer is not None:
-            found = self.sizer.measure(found, frame.capture_s)
-        if not (isfinite(found.alarming) and 0.0 <= found.existence <= 1.0):
-            raise ValueError(f"existence {found.existence} is not a probability")
-        self.alarm, _ = step_alarm(self.alarm, self.config.alarm, found.alarming, frame.capture_s)
-        self.existence = found.existence
-        self.looked_s = frame.capture_s
+        self.channel.fit(frame.width, frame.height)
+        self.pictures.offset_px = offset_px
+        self.channel.step(frame)
 
     def sees(self, time_s: float, blind_after_s: float) -> bool:
         """Whether its last look is recent enough to compare."""
@@ -129,7 +104,7 @@ class Shadows:
         wall: Callable[[], datetime],
         clock: Callable[[], float] | None,
         observer: ShadowObserver | None = None,
-        make: MakeDetector = _make,
+        make: MakeDetector = make_detector,
     ) -> None:
         """`clock` times the work, in seconds; None: a shadow looks at every frame, however long it takes."""
         self._config = config
@@ -185,13 +160,15 @@ class Shadows:
             time=self._wall(),
             failed=shadow.failed,
             existence=shadow.existence,
-            lump=shadow.alarm.active,
+            lump=shadow.channel.alarm.active,
             **asdict(shadow.differences.counts),
         )
 
     def _begun(self, roi: RoiConfig, prior: Prior, current: int, since: datetime, counts: Counts) -> _Shadow:
         differences = Differences(roi.learning.shadow_match_s, self._config.blind_after_s, counts)
-        return _Shadow(roi, prior, current, since, differences)
+        pictures = EveryPictureFit()
+        channel = RegionChannel(roi, prior, pictures=pictures, make=self._make)
+        return _Shadow(prior, current, since, differences, channel, pictures)
 
     def _earn(self, frame: Frame, spent_s: float) -> None:
         last, self._last = self._last, frame
@@ -205,7 +182,7 @@ class Shadows:
         if result.prior != shadow.current:  # compared with another one from now on
             shadow.current, shadow.since = result.prior, self._wall()
             shadow.differences = Differences(
-                shadow.config.learning.shadow_match_s, self._config.blind_after_s
+                shadow.channel.config.learning.shadow_match_s, self._config.blind_after_s
             )
         counts = shadow.differences.counts
         try:
@@ -218,23 +195,21 @@ class Shadows:
             now, frames=now.frames + looked, skipped=now.skipped + (not looked)
         )
         if shadow.existence is not None:
-            self._observer.shadow_judges(shadow.config.id, shadow.existence)
+            self._observer.shadow_judges(shadow.name, shadow.existence)
         self._compare(shadow, result)
-        self._observer.shadow_counted(shadow.config.id, counts, shadow.differences.counts)
+        self._observer.shadow_counted(shadow.name, counts, shadow.differences.counts)
 
     def _look(self, shadow: _Shadow, frame: Frame, offset_px: tuple[int, int]) -> bool:
         if self._clock is None:
-            shadow.fit(frame, self._make)
             shadow.look(frame, offset_px)
             return True
-        if not self._budget.allows(shadow.config.id):
+        if not self._budget.allows(shadow.name):
             return False
         started = self._clock()
         try:
-            shadow.fit(frame, self._make)
             shadow.look(frame, offset_px)
         finally:
-            self._budget.spend(shadow.config.id, self._clock() - started)
+            self._budget.spend(shadow.name, self._clock() - started)
         return True
 
     def _compare(self, shadow: _Shadow, result: RoiResult) -> None:
@@ -243,11 +218,11 @@ class Shadows:
         if not shadow.sees(time_s, self._config.blind_after_s):
             shadow.differences.interrupt()
             return
-        for found in shadow.differences.step(time_s, result.alarm.active, shadow.alarm.active):
+        for found in shadow.differences.step(time_s, result.alarm.active, shadow.channel.alarm.active):
             self._tell(shadow, found)
 
     def _tell(self, shadow: _Shadow, found: Found) -> None:
-        where = f"{self._config.id}/{shadow.config.id}: shadow version {shadow.prior.version}"
+        where = f"{self._config.id}/{shadow.name}: shadow version {shadow.prior.version}"
         if found.side == "both":
             log.info("%s: alarm of both, the shadow %+.1f s earlier", where, found.lead_s)
         elif found.side == "only_current":
@@ -256,9 +231,9 @@ class Shadows:
             log.info("%s: would raise an alarm where version %d does not", where, shadow.current)
 
     def _end(self, shadow: _Shadow, error: Exception) -> None:
-        roi = shadow.config.id
+        roi = shadow.name
         self._budget.forget(roi)
-        shadow.detector = shadow.sizer = None
+        shadow.channel.close()
         shadow.failed = f"{type(error).__name__}: {error}"
         unfit = isinstance(error, LumpwatchError)
         log.error(

@@ -15,7 +15,7 @@ from datetime import datetime
 import numpy as np
 
 from lumpwatch.models.plane import side_of
-from lumpwatch.service.bus import Bus, Keys
+from lumpwatch.service.bus import Bus, BusClosed, Keys
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import AlarmClass, Change, Clocks, Decision, Frame, RoiResult, StreamClock, utc
 from lumpwatch.service.detection import CameraPipeline, make_plane, make_profile, make_region
@@ -40,6 +40,10 @@ _AFTER_S = 1.0
 _TAKE_S = 0.25
 _DRAW_S = 10.0
 """For the camera's process to draw the lump before the first frame."""
+_STOP_S = 1.0
+"""When the daemon stops, all its processes are told; so much later the last of them knows."""
+_BROKEN = (ProofReason.NO_CAMERA, ProofReason.NO_FRAMES, ProofReason.ERROR)
+"""Failures that look the same where the other processes end because the daemon does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +54,8 @@ class Site:
     """Width and height of the pictures."""
     prior: Callable[[str], Prior | None]
     decision: Callable[[str], Decision]
-    stopped: Callable[[], bool]
+    stopped: Callable[[float], bool]
+    """Whether the daemon is told to stop within so many seconds."""
 
 
 class _Ended(Exception):  # noqa: N818 - an end is no error
@@ -77,7 +82,7 @@ class ProofTest:
         self._sequence = 0
 
     def run(self, roi_id: str, actor: str) -> ProofResult:
-        """Test one ROI; raises BusClosed when the bus is closed meanwhile, KeyError for another ROI."""
+        """Test one ROI; INCONCLUSIVE where the daemon stops meanwhile. Raises KeyError for another ROI."""
         roi = self._camera.roi(roi_id)
         prior = self._watched.prior(roi_id)
         result = ProofResult(
@@ -94,9 +99,13 @@ class ProofTest:
             self._pass(roi, prior, passage)
         except _Ended as end:
             passage.outcome, passage.reason = end.outcome, end.reason
+        except BusClosed:
+            passage.outcome, passage.reason = Outcome.INCONCLUSIVE, ProofReason.STOPPED
         except (LumpwatchError, ValueError) as error:
             log.error("%s/%s: proof test: %s", self._camera.id, roi_id, error)  # noqa: TRY400 - it says it all
             passage.outcome, passage.reason = Outcome.FAILED, ProofReason.ERROR
+        if passage.reason in _BROKEN and self._watched.stopped(_STOP_S):
+            passage.outcome, passage.reason = Outcome.INCONCLUSIVE, ProofReason.STOPPED
         return result.model_copy(
             update={
                 "time": _now(),
@@ -140,7 +149,9 @@ class ProofTest:
                     frame = _translated(frame, clock, now)
                 heard_s, passage.seen_s = now, frame.capture_s
                 began_s = frame.capture_s if began_s is None else began_s
-                for result in pipeline.process(frame, now):
+                results = pipeline.process(frame, now)
+                pipeline.check_fit()
+                for result in results:
                     self._tell(result)
                     passage.take(result, frame, way, frame.capture_s - began_s, size, time.monotonic())
                 if passage.outcome is Outcome.PASSED:
@@ -149,7 +160,7 @@ class ProofTest:
             inbox.close()
 
     def _check(self, roi: str) -> None:
-        if self._watched.stopped():
+        if self._watched.stopped(0.0):
             raise _Ended(Outcome.INCONCLUSIVE, ProofReason.STOPPED)
         decision = self._watched.decision(roi)
         if decision is not Decision.CLEAR:

@@ -107,7 +107,9 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
         if length == 0:
             start_s, size = frame.capture_s, (frame.width, frame.height)
         length = frame.seq + 1
-        for result in pipeline.process(frame, frame.received_s):
+        results = pipeline.process(frame, frame.received_s)
+        pipeline.check_fit()
+        for result in results:
             if not result.decided or result.detection is None:
                 continue
             prior = result.prior

@@ -1,0 +1,35 @@
+"""Who is told what the steps of a camera's regions do: counts and times, for metrics."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class ChannelListener(Protocol):
+    """Is told about the steps of a region."""
+
+    def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """A stage (cut, quality, filter) of the work on one frame took this long."""
+
+
+class PipelineObserver(ChannelListener, Protocol):
+    """Counts and times what happens in the pipeline; implemented by metrics."""
+
+    def dropped(self, reason: str) -> None:
+        """A frame was not processed."""
+
+    def prior_refused(self, roi: str, reason: str) -> None:
+        """A prior cannot be used."""
+
+
+class Unobserved:
+    """An observer that looks away."""
+
+    def dropped(self, reason: str) -> None:
+        """Nothing."""
+
+    def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """Nothing."""
+
+    def prior_refused(self, roi: str, reason: str) -> None:
+        """Nothing."""

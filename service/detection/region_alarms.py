@@ -1,0 +1,97 @@
+"""The alarms of one region: the lump alarm that its channel steps, and those of blindness and trouble."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from lumpwatch.service.config import AlarmConfig, ConditionAlarmConfig
+from lumpwatch.service.core import (
+    Act,
+    Alarm,
+    AlarmChange,
+    AlarmClass,
+    Changed,
+    Transition,
+    Trouble,
+    all_of,
+    announce_again,
+    step_alarm,
+    tick_alarm,
+)
+from lumpwatch.service.detection.region_channel import RegionChannel
+
+
+class RegionAlarms:
+    """Every method returns what became of the alarms, in order."""
+
+    def __init__(self, channel: RegionChannel) -> None:
+        self._channel = channel
+        self._others: dict[AlarmClass, Alarm] = {AlarmClass.BLIND: Alarm(), AlarmClass.SYSTEM: Alarm()}
+        self._troubles: frozenset[Trouble] = frozenset()
+        self._announced: frozenset[Trouble] = frozenset()
+        """Those that the system alarm has been announced for."""
+
+    def now(self) -> dict[AlarmClass, Alarm]:
+        """All of them as they stand."""
+        return {AlarmClass.LUMP: self._channel.alarm, **self._others}
+
+    def restore(self, alarms: Mapping[AlarmClass, Alarm]) -> None:
+        """Go on with these; others stay."""
+        for alarm_class, alarm in alarms.items():
+            self._put(alarm_class, alarm)
+
+    def trouble(self, what: Trouble, *, present: bool) -> None:
+        """Something keeps the region from judging as well as it must, or no longer does."""
+        self._troubles = self._troubles | {what} if present else self._troubles - {what}
+
+    def stepped(self, made: Transition | None) -> tuple[AlarmChange, ...]:
+        """The channel has stepped the lump alarm."""
+        return self._take(AlarmClass.LUMP, all_of((self._channel.alarm, made)))
+
+    def act(self, alarm_class: AlarmClass, act: Act, now_s: float) -> tuple[AlarmChange, ...]:
+        """What an operator or the plant does to an alarm; raises what `act` raises."""
+        return self._take(alarm_class, act(self.now()[alarm_class], self._rules(alarm_class), now_s))
+
+    def judge(self, blind_reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
+        """Time goes by: whether the region is blind and why, its troubles, and holds that are over."""
+        changes = self._judge_blindness(blind_reason, now_s) + self._judge_system(now_s)
+        for alarm_class in AlarmClass:
+            ticked = tick_alarm(self.now()[alarm_class], self._rules(alarm_class), now_s)
+            changes += self._take(alarm_class, ticked)
+        return changes
+
+    def _judge_blindness(self, reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
+        blind = 0.0 if reason is None else 1.0
+        before, rules = self._others[AlarmClass.BLIND], self._rules(AlarmClass.BLIND)
+        alarm, made = step_alarm(before, rules, blind, now_s)
+        if made is not None and reason is not None:
+            made = replace(made, reason=reason)
+        return self._take(AlarmClass.BLIND, all_of((alarm, made)))
+
+    def _judge_system(self, now_s: float) -> tuple[AlarmChange, ...]:
+        before, rules = self._others[AlarmClass.SYSTEM], self._rules(AlarmClass.SYSTEM)
+        alarm, made = step_alarm(before, rules, 1.0 if self._troubles else 0.0, now_s)
+        new = self._troubles - self._announced
+        if made is None and alarm.active and new and self._announced:
+            alarm, made = announce_again(alarm, now_s)
+        self._announced = self._troubles if alarm.active else frozenset()
+        if made is not None and self._troubles:
+            made = replace(made, reason=", ".join(sorted(self._troubles)))
+        return self._take(AlarmClass.SYSTEM, all_of((alarm, made)))
+
+    def _rules(self, alarm_class: AlarmClass) -> AlarmConfig | ConditionAlarmConfig:
+        return self._channel.config.alarm.of_class(alarm_class)
+
+    def _put(self, alarm_class: AlarmClass, alarm: Alarm) -> None:
+        if alarm_class is AlarmClass.LUMP:
+            self._channel.alarm = alarm
+        else:
+            self._others[alarm_class] = alarm
+
+    def _take(self, alarm_class: AlarmClass, changed: Changed) -> tuple[AlarmChange, ...]:
+        """The alarm is another one now."""
+        alarm, made = changed
+        self._put(alarm_class, alarm)
+        priority = self._rules(alarm_class).priority
+        return tuple(AlarmChange(alarm_class, one, alarm, priority) for one in made)

@@ -1,0 +1,279 @@
+"""One region of a camera, step by step: cut, quality, filter, size, and the judgement of its lump alarm.
+
+This is the only definition of that step. Live and in replay, in a proof test, in shadow, and where training
+judges what it has learned, the same object runs. What differs between them is an argument: the prior, who
+judges the pictures (`PictureJudge`), who is told (`ChannelListener`), and whether a step begins with a frame
+or with pictures that were cut already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Protocol
+
+from lumpwatch.models.learning.learned import Learned
+from lumpwatch.models.roi import Image, Roi
+from lumpwatch.service.config import DetectorConfig, RoiConfig
+from lumpwatch.service.core import (
+    Alarm,
+    AlarmClass,
+    Detection,
+    Frame,
+    PictureQuality,
+    Transition,
+    step_alarm,
+    working_colour,
+    working_luma,
+)
+from lumpwatch.service.detection.detectors.base import Detector
+from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
+from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.observer import ChannelListener, Unobserved
+from lumpwatch.service.detection.region import make_region
+from lumpwatch.service.detection.sizing import Sizer
+from lumpwatch.service.detection.snapshot import Snapshot
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.storage import Prior
+
+MakeDetector = Callable[[DetectorConfig, Roi, Learned | None], Detector]
+
+_ROUNDING = 1e-9
+
+
+class RegionMisfitError(LumpwatchError):
+    """A region's polygon or calibration makes no sense in pictures of this size."""
+
+
+class PictureJudge(Protocol):
+    """Says where a region lies and whether its picture is fit; `CameraQuality` does so live."""
+
+    def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
+        """The region where it lies now, and by how many pixels of the picture it was moved."""
+
+    def look(self, roi: str, gray: Image, time_s: float) -> None:
+        """A new working picture (h, w)."""
+
+    def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
+        """What the filter made of that picture."""
+
+    def judged(self, roi: str) -> PictureQuality:
+        """What is known of the picture now."""
+
+
+class EveryPictureFit:
+    """A judge that takes every picture for fit, and the region's place from others."""
+
+    def __init__(self) -> None:
+        self.offset_px = (0, 0)
+        """How far the region was moved along with the camera."""
+
+    def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
+        """Where it was told to be."""
+        x, y = self.offset_px
+        return roi.at(roi.x + x, roi.y + y), (x, y)
+
+    def look(self, roi: str, gray: Image, time_s: float) -> None:
+        """Nothing."""
+
+    def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
+        """Nothing."""
+
+    def judged(self, roi: str) -> PictureQuality:
+        """Fit."""
+        return PictureQuality(offset_px=self.offset_px)
+
+
+class RegionChannel:
+    """Used by one thread. `fit` comes first; times are seconds on one clock and rise from step to step."""
+
+    def __init__(
+        self,
+        config: RoiConfig,
+        prior: Prior | None,
+        *,
+        pictures: PictureJudge | None = None,
+        listener: ChannelListener | None = None,
+        refused: Callable[[LumpwatchError], None] | None = None,
+        make: MakeDetector = make_detector,
+    ) -> None:
+        """`pictures`: None takes every picture for fit.
+
+        `refused` is told of a prior that does not fit, and the stated defaults are used in its place; without
+        it `fit` raises.
+        """
+        self.config = config
+        self.prior = prior
+        """The one in use; None: the stated defaults."""
+        self.pictures: PictureJudge = pictures or EveryPictureFit()
+        self.alarm = Alarm()
+        """Of class lump."""
+        self.detection: Detection | None = None
+        """Of the last step, in pixels of the picture; None before the first in pictures of this size."""
+        self.detector: Detector | None = None
+        """None as long as the channel is fit for no picture."""
+        self.size: tuple[int, int] | None = None
+        """Width and height of the pictures it is fit for."""
+        self.last_s: float | None = None
+        """Time of the last step."""
+        self._listener: ChannelListener = listener or Unobserved()
+        self._refused = refused
+        self._make = make
+        self._sizer: Sizer | None = None
+
+    def fit(self, width: int, height: int) -> None:
+        """Make geometry, sizes and filter for pictures of that size; nothing where they are of that size already.
+
+        Raises RegionMisfitError where the region does not fit them, and LumpwatchError where the prior or the
+        detector does not; the channel is then fit for no picture until it can be fitted again.
+        """
+        if self.size == (width, height):
+            return
+        self.close()
+        self.detection = None
+        try:
+            geometry = make_region(self.config, width, height)
+            calibration, certain = self.config.calibration, self.config.alarm.oversize_above
+            sizer = None if calibration is None else Sizer(calibration, width, height, certain)
+        except (ValueError, LumpwatchError) as error:
+            raise RegionMisfitError(str(error)) from error
+        detector = self._begun(geometry, width, height)
+        self.detector, self._sizer, self.size = detector, sizer, (width, height)
+
+    def step(self, frame: Frame, *, may_learn: bool = True) -> Transition | None:
+        """One frame of the fitted size: cut the region where it lies now, filter, and step the alarm.
+
+        Returns what became of the alarm. `may_learn`: whether the picture may teach a background model, if it is
+        fit. Raises whatever is wrong with filter or frame; the alarm and the detection are then as before.
+        """
+        began, dt = perf_counter(), self._advance(frame.capture_s)
+        # The detector thinks where the camera looked at first; only what goes in and out is moved.
+        place, offset = self.pictures.placed(self.config.id, self._fitted().roi, frame.width, frame.height)
+        gray = working_luma(frame, place)
+        colour = working_colour(frame, place) if self.config.detector.needs_colour else None
+        cut_s = perf_counter() - began
+        made = self._judge(gray, colour, dt, frame.capture_s, offset_px=offset, may_learn=may_learn)
+        self._listener.stage("cut", self.config.id, cut_s)
+        return made
+
+    def step_working(self, gray: Image, colour: Image | None, time_s: float) -> Transition | None:
+        """The same on a working picture (h, w) that was cut already, with colour (h, w, 3) where it is needed."""
+        return self._judge(gray, colour, self._advance(time_s), time_s, offset_px=(0, 0), may_learn=True)
+
+    def begin_anew(self) -> None:
+        """Forget what the filter knows of the past, after it has failed; alarm and sizes stay."""
+        learned = self.prior.learned if self.prior else None
+        self.detector = self._make(self.config.detector, self._fitted().roi, learned)
+
+    def use(self, prior: Prior | None) -> None:
+        """Filter on with another prior (None: the stated defaults).
+
+        Raises LumpwatchError where it does not fit; all is then as before.
+        """
+        if self.detector is not None and self.size is not None:
+            if prior is not None:
+                prior.check_fits(self.config, *self.size)
+            self.detector.use(prior.learned if prior else None)
+        self.prior = prior
+
+    def close(self) -> None:
+        """Let go of the filter; the channel is fit for no picture any more."""
+        self.detector, self._sizer, self.size = None, None, None
+
+    def snapshot(self) -> Snapshot:
+        """All that the next step depends on, but the prior's content."""
+        return Snapshot(
+            last_capture_s=self.last_s,
+            size=self.size,
+            filter=None if self.detector is None else self.detector.state(),
+            looks={} if self._sizer is None else self._sizer.state(),
+            alarms={AlarmClass.LUMP: self.alarm},
+            prior=self.prior,
+        )
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from there; the channel must have been made with the snapshot's prior.
+
+        Raises StateMismatchError, and what `fit` raises.
+        """
+        self.alarm = snapshot.alarms.get(AlarmClass.LUMP, self.alarm)
+        self.last_s, self.size = snapshot.last_capture_s, None
+        if snapshot.size is None:
+            return
+        self.fit(*snapshot.size)
+        if snapshot.filter is not None:
+            self._fitted().restore(snapshot.filter)
+        if self._sizer is not None:
+            self._sizer.restore(snapshot.looks)
+
+    def _begun(self, geometry: Roi, width: int, height: int) -> Detector:
+        """A detector with the prior, or with the defaults where that is refused and somebody is told."""
+        if self.prior is not None:
+            try:
+                self.prior.check_fits(self.config, width, height)
+                return self._make(self.config.detector, geometry, self.prior.learned)
+            except LumpwatchError as error:
+                if self._refused is None:
+                    raise
+                self._refused(error)
+        detector = self._make(self.config.detector, geometry, None)
+        self.prior = None  # not before: where the defaults do not do either, it may fit the next size
+        return detector
+
+    def _fitted(self) -> Detector:
+        if self.detector is None:
+            raise RegionMisfitError("the region is fit for no picture yet")
+        return self.detector
+
+    def _advance(self, time_s: float) -> float:
+        """Seconds since the last step."""
+        last_s, self.last_s = self.last_s, time_s
+        return DEFAULT_INTERVAL_S if last_s is None else time_s - last_s
+
+    def _judge(
+        self,
+        gray: Image,
+        colour: Image | None,
+        dt: float,
+        time_s: float,
+        *,
+        offset_px: tuple[int, int],
+        may_learn: bool,
+    ) -> Transition | None:
+        name, detector = self.config.id, self._fitted()
+        began = perf_counter()
+        self.pictures.look(name, gray, time_s)
+        looked = perf_counter()
+        quality = self.pictures.judged(name)
+        # A background model must not learn what covers the lens.
+        detector.learns = may_learn and quality.reason is None and not quality.suspect
+        found = detector.step(gray, colour, dt)
+        if self._sizer is not None:
+            found = self._sizer.measure(found, time_s)
+        _check(found)
+        self.detection = found.moved(*offset_px)
+        self._listener.stage("quality", name, looked - began)
+        self._listener.stage("filter", name, perf_counter() - looked)
+        self.pictures.filtered(name, self.detection, time_s)
+        evidence = self._evidence(found.alarming)
+        self.alarm, made = step_alarm(self.alarm, self.config.alarm, evidence, time_s)
+        return made
+
+    def _evidence(self, alarming: float) -> float:
+        """What the lump alarm may judge: a picture that is not fit clears no alarm.
+
+        It may still raise one, except in the hold-off after the exposure has jumped.
+        """
+        quality, rules = self.pictures.judged(self.config.id), self.config.alarm
+        if quality.reason is None and not quality.suspect:
+            return alarming
+        if self.alarm.active:
+            return max(alarming, rules.clear_below)
+        return min(alarming, rules.raise_above) if quality.held_off else alarming
+
+
+def _check(found: Detection) -> None:
+    """Raises ValueError: what is no probability would pass for CLEAR."""
+    for value in (found.existence, found.alarming):
+        if not -_ROUNDING <= value <= 1.0 + _ROUNDING:
+            raise ValueError(f"existence {value} is not a probability")

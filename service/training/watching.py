@@ -1,0 +1,49 @@
+"""The live region step on the pictures of a training: what the region would have said, by what was learned."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime
+
+from lumpwatch.models.learning import LabelledView, Learned
+from lumpwatch.service.config import RoiConfig
+from lumpwatch.service.detection import RegionChannel
+from lumpwatch.service.storage import Prior, PriorMeta
+from lumpwatch.service.training.footage import Footage, Moment
+
+Picture = tuple[LabelledView, Moment]
+
+
+def watch(
+    roi: RoiConfig,
+    footage: Footage,
+    learned: Learned,
+    wanted: Callable[[Moment], bool] = lambda moment: True,
+) -> Iterator[tuple[Picture, RegionChannel]]:
+    """Step through the wanted pictures; gives each with the channel after it, which begins anew with each clip."""
+    pictures: Iterable[Picture] = zip(footage.views, footage.moments, strict=True)
+    clip: int | None = None
+    channel = RegionChannel(roi, None)
+    for view, moment in pictures:
+        if not wanted(moment):
+            continue
+        if moment.clip != clip:
+            clip = moment.clip
+            channel = RegionChannel(roi, _bound(roi, footage, learned))
+            channel.fit(footage.width, footage.height)
+        channel.step_working(view.view.gray, view.view.colour, moment.time_s)
+        yield (view, moment), channel
+
+
+def _bound(roi: RoiConfig, footage: Footage, learned: Learned) -> Prior:
+    """What was learned, as a prior for the region and the pictures that it was learned from."""
+    meta = PriorMeta(
+        camera="",
+        roi=roi.id,
+        created=datetime.fromtimestamp(0, UTC),
+        polygon=roi.polygon,
+        aspect=footage.width / footage.height,
+        source="",
+        frames=footage.count,
+    )
+    return Prior(meta, learned)
