@@ -6,29 +6,17 @@ allows is dropped in silence: to the sender it looks as if nobody were there.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Protocol
+
 from lumpwatch.service.bus.keys import Kind, on_every_site
 from lumpwatch.service.config import AccessConfig
 
-COMMANDS = (Kind.ACK, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.VERDICT, Kind.PROOF)
-"""Queries that operators may send."""
-SIGNALS = (Kind.SUPPRESS,)
-"""Puts and queries that plant control may send."""
 INTERNAL = (Kind.TEST_FRAME, Kind.BLEND)
 """What the daemon's processes say among themselves."""
-READABLE = (
-    Kind.FRAME,
-    Kind.JPEG,
-    Kind.HEARTBEAT,
-    Kind.STATE,
-    Kind.ALARM,
-    Kind.TEST,
-    Kind.LEVEL,
-    Kind.EVIDENCE,
-    Kind.PRIOR,
-    Kind.SHADOW,
-    Kind.ALIVE,
-)
-"""What everyone with a certificate may receive and ask for."""
+READABLE = tuple(kind for kind in Kind if kind not in INTERNAL)
+"""What everyone with a certificate may receive."""
 
 _READ = ["declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber"]
 _SEEN = ["put", "delete", "reply", "liveliness_token", "declare_subscriber", "declare_queryable"]
@@ -37,26 +25,61 @@ _ALL = [*dict.fromkeys([*_READ, *_SEEN])]
 _ANYTHING = ["**", "**/@alive/**", "**/@adv/**"]
 
 
-def access_control(access: AccessConfig) -> dict[str, object]:
-    """The `access_control` part of a hub's zenoh configuration."""
+class Role(StrEnum):
+    """Who may give a command."""
+
+    ANYONE = "anyone"
+    """Whoever has a certificate: the command only reads."""
+    OPERATOR = "operator"
+    PLANT = "plant"
+    """Plant control."""
+
+
+class Commandable(Protocol):
+    """What the rules need of a command; the rows of the command table have it."""
+
+    @property
+    def name(self) -> str:
+        """The last part of its key."""
+
+    @property
+    def role(self) -> Role:
+        """Who may give it."""
+
+    @property
+    def puts(self) -> bool:
+        """Whether a plain put does it too."""
+
+
+def access_control(access: AccessConfig, commands: Iterable[Commandable]) -> dict[str, object]:
+    """The `access_control` part of a hub's zenoh configuration; nobody but a daemon may send other commands."""
+    given = tuple(commands)
+    to_all = [one.name for one in given if one.role is Role.ANYONE]
+    to_operators = [one.name for one in given if one.role is Role.OPERATOR]
+    to_plants = [one.name for one in given if one.role is Role.PLANT]
+    put = [one.name for one in given if one.role is Role.PLANT and one.puts]
     rules = [
-        {"id": "everything", "flows": ["ingress", "egress"], "messages": _ALL, "key_exprs": _ANYTHING},
-        {"id": "read", "flows": ["ingress"], "messages": _READ, "key_exprs": _of(READABLE)},
-        {"id": "receive", "flows": ["egress"], "messages": _SEEN, "key_exprs": _ANYTHING},
-        {"id": "command", "flows": ["ingress"], "messages": ["query"], "key_exprs": _of(COMMANDS)},
-        {"id": "signal", "flows": ["ingress"], "messages": ["query", "put"], "key_exprs": _of(SIGNALS)},
+        _rule("everything", _ALL, _ANYTHING, "ingress", "egress"),
+        _rule("read", _READ, _of([*READABLE, *to_all]), "ingress"),
+        _rule("receive", _SEEN, _ANYTHING, "egress"),
+        _rule("command", ["query"], _of(to_operators), "ingress"),
+        _rule("signal", ["query"], _of(to_plants), "ingress"),
+        _rule("put", ["put"], _of(put), "ingress"),
     ]
+    rules = [rule for rule in rules if rule["key_exprs"]]
+    known = {rule["id"] for rule in rules}
     roles = {
         "daemons": (access.daemons, ["everything"]),
         "operators": (access.operators, ["command"]),
-        "plants": (access.plants, ["signal"]),
+        "plants": (access.plants, ["signal", "put"]),
     }
-    named = {role: given for role, given in roles.items() if given[0]}
+    named = {role: (names, [one for one in may if one in known]) for role, (names, may) in roles.items()}
+    named = {role: given for role, given in named.items() if all(given)}
     everyone = {"id": "everyone"}  # no attribute: every certificate matches
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": [rule | {"permission": "allow"} for rule in rules],
+        "rules": rules,
         "subjects": [
             everyone,
             *({"id": role, "cert_common_names": names} for role, (names, _) in named.items()),
@@ -68,7 +91,12 @@ def access_control(access: AccessConfig) -> dict[str, object]:
     }
 
 
-def _of(kinds: tuple[Kind, ...]) -> list[str]:
+def _rule(name: str, messages: list[str], keys: list[str], *flows: str) -> dict[str, object]:
+    return {"id": name, "flows": list(flows), "messages": messages, "key_exprs": keys, "permission": "allow"}
+
+
+def _of(kinds: Iterable[str]) -> list[str]:
     """The keys of some kinds on every site, with the caches of their publishers."""
-    caches = [f"{on_every_site(kind)}/@adv/**" for kind in kinds if kind is not Kind.ALIVE]
+    kinds = tuple(kinds)
+    caches = [f"{on_every_site(kind)}/@adv/**" for kind in kinds if kind != Kind.ALIVE]
     return [*(on_every_site(kind) for kind in kinds), *caches]

@@ -24,6 +24,7 @@ class Worker:
         self._name = name
         self._jobs: deque[Job] = deque(maxlen=limit)
         self._wake = threading.Condition()
+        self._busy = False
         self._closed = False
         self._thread = threading.Thread(target=self._run, name=f"bus {name}", daemon=True)
         self._thread.start()
@@ -39,6 +40,17 @@ class Worker:
             self._wake.notify()
         if full and self.dropped == 1:
             _log.error("%s: the callback is too slow, messages are dropped", self._name)
+
+    def offer(self, job: Job) -> bool:
+        """Queue a job only where none waits or runs; whether that was so. True once closed, as for `submit`."""
+        with self._wake:
+            if self._closed:
+                return True
+            if self._busy or self._jobs:
+                return False
+            self._jobs.append(job)
+            self._wake.notify()
+        return True
 
     def close(self) -> None:
         """Forget waiting jobs and end after the running one; does not wait for it."""
@@ -57,8 +69,10 @@ class Worker:
     def _run(self) -> None:
         while True:
             with self._wake:
+                self._busy = False
                 self._wake.wait_for(lambda: self._jobs or self._closed)
                 if self._closed:
                     return
                 job = self._jobs.popleft()
+                self._busy = True
             self.guard(job)

@@ -6,7 +6,7 @@ import atexit
 import contextlib
 import logging
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Self, TypeVar
 
@@ -21,9 +21,12 @@ from lumpwatch.service.bus.endpoints import (
     Handler,
     Publisher,
     Reply,
+    Service,
     answer,
     declare_alarms,
     declare_state,
+    leave,
+    refuse,
     to_message,
     to_reply,
     to_wire,
@@ -60,6 +63,7 @@ class Bus:
         self._lock = threading.Lock()
         self._closed = False
         self._values = Worker("last values")
+        self._lanes: dict[str, Worker] = {}
         # A session with callbacks that is still open when the interpreter ends aborts the process.
         atexit.register(self._close_at_exit)
 
@@ -199,6 +203,32 @@ class Bus:
             )
             return self._received(worker, undeclares(queryable))
 
+    def serve_all(self, prefix: str, services: Mapping[str, Service]) -> Handle:
+        """Answer the queries of `prefix`/NAME for each named service, with one queryable for all of them.
+
+        The last part of the key that was asked names the service; it must be spelt out there, while the
+        parts before it may be wildcards. Other queries below `prefix` get no answer from here.
+        """
+        lanes = {name: self._lane(one.lane) for name, one in services.items()}
+
+        def arrived(query: zenoh.Query) -> None:
+            name = str(query.key_expr).rpartition("/")[2]
+            if name not in services:
+                leave(query)
+                return
+            service = services[name]
+            job = partial(answer, f"{prefix}/{name}", service.handler, query)
+            if service.waits:
+                lanes[name].submit(job)
+            elif not lanes[name].offer(job):
+                self._values.submit(partial(refuse, f"another {name} is under way: ask again later", query))
+
+        with self._declaring(prefix):
+            queryable = self._session.declare_queryable(f"{prefix}/*", direct(arrived))
+        served = Handle()
+        served.on_close(undeclares(queryable))
+        return self._keep(served, self._receivers)
+
     def ask(
         self,
         key: str,
@@ -251,9 +281,16 @@ class Bus:
     def _shut(self) -> None:
         for handle in [*self._receivers, *self._senders]:
             handle.close()
-        self._values.close()
+        for worker in (self._values, *self._lanes.values()):
+            worker.close()
         with contextlib.suppress(zenoh.ZError):
             shut(self._session)
+
+    def _lane(self, name: str) -> Worker:
+        with self._lock:
+            if name not in self._lanes:
+                self._lanes[name] = Worker(name)
+            return self._lanes[name]
 
     @contextlib.contextmanager
     def _declaring(self, key: str) -> Iterator[None]:

@@ -12,7 +12,7 @@ from urllib.parse import quote, unquote
 import zenoh
 from zenoh import ext
 
-from lumpwatch.service.bus.errors import BusClosed
+from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.handles import Handle
 from lumpwatch.service.bus.ordering import Message, stamp, stamped
 from lumpwatch.service.errors import LumpwatchError
@@ -29,6 +29,17 @@ AliveCallback = Callable[[str, bool], None]
 """Receives the key of a liveliness token and whether it is there."""
 Handler = Callable[[dict[str, str], bytes | None], bytes]
 """Answers a query: parameters and payload to the reply's payload; an exception becomes an error reply."""
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One of several keys that are served together."""
+
+    handler: Handler
+    lane: str
+    """Queries of a lane are answered one after another, in a thread of the bus for it; lanes run side by side."""
+    waits: bool = True
+    """Whether a query waits for its turn; else it is refused while its lane is busy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +141,18 @@ def answer(key: str, handler: Handler, query: zenoh.Query) -> None:
             query.reply(key, result)
 
 
+def refuse(text: str, query: zenoh.Query) -> None:
+    """Reply with one line of error."""
+    with query:
+        query.reply_err(_one_line(text))
+
+
+def leave(query: zenoh.Query) -> None:
+    """No reply from here: the query is for others."""
+    with query:
+        pass
+
+
 def to_message(sample: zenoh.Sample) -> Message:
     """A zenoh sample in our own terms."""
     attachment = sample.attachment
@@ -152,9 +175,12 @@ def to_wire(parameters: dict[str, str]) -> str:
 
 
 def from_wire(text: str) -> dict[str, str]:
-    """The reverse of `to_wire`; a name without `=` has the empty value."""
+    """The reverse of `to_wire`; a name without `=` has the empty value. Raises BusError for bytes that are no UTF-8."""
     pairs = (part.partition("=") for part in text.split(";") if part)
-    return {unquote(name): unquote(value) for name, _, value in pairs}
+    try:
+        return {unquote(name, errors="strict"): unquote(value, errors="strict") for name, _, value in pairs}
+    except UnicodeDecodeError as error:
+        raise BusError("the parameters are not UTF-8") from error
 
 
 def _one_line(text: str) -> str:

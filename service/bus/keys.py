@@ -11,7 +11,7 @@ _CHUNK = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,62}")
 
 
 class Kind(StrEnum):
-    """What a key carries."""
+    """What a key carries; those of commands are named by the table in `lumpwatch.service.protocol.commands`."""
 
     FRAME = "frame"
     JPEG = "frame/jpeg"
@@ -21,41 +21,13 @@ class Kind(StrEnum):
     STATE = "state"
     ALARM = "alarm"
     LEVEL = "level"
-    ACK = "ack"
-    RESET = "reset"
-    SHELVE = "shelve"
-    UNSHELVE = "unshelve"
-    SERVICE = "service"
-    SUPPRESS = "suppress"
-    VERDICT = "verdict"
-    EVIDENCE = "evidence"
-    PRIOR = "prior"
-    PROOF = "proof"
     TEST = "test"
     SHADOW = "shadow"
     ALIVE = "@alive"
 
 
 _OF_CAMERA = frozenset({Kind.FRAME, Kind.JPEG, Kind.TEST_FRAME, Kind.BLEND, Kind.HEARTBEAT})
-_OF_ROI = frozenset(
-    {
-        Kind.STATE,
-        Kind.ALARM,
-        Kind.LEVEL,
-        Kind.ACK,
-        Kind.RESET,
-        Kind.SHELVE,
-        Kind.UNSHELVE,
-        Kind.SERVICE,
-        Kind.SUPPRESS,
-        Kind.VERDICT,
-        Kind.EVIDENCE,
-        Kind.PRIOR,
-        Kind.PROOF,
-        Kind.TEST,
-        Kind.SHADOW,
-    }
-)
+_OF_ROI = frozenset({Kind.STATE, Kind.ALARM, Kind.LEVEL, Kind.TEST, Kind.SHADOW})
 
 KEY_OF: dict[Kind, str] = {
     kind: f"{_ROOT}/{{site}}/{{camera}}/{kind}"
@@ -119,49 +91,17 @@ class Keys:
         """The least that a PLC gateway needs of the ROI."""
         return self._of_roi(camera, roi, Kind.LEVEL)
 
-    def ack(self, camera: str, roi: str) -> str:
-        """Query that acknowledges the ROI's alarm."""
-        return self._of_roi(camera, roi, Kind.ACK)
+    def region(self, camera: str, roi: str) -> str:
+        """What the keys of a ROI begin with."""
+        return f"{self._root}/{_chunk(camera)}/{_chunk(roi)}"
 
-    def reset(self, camera: str, roi: str) -> str:
-        """Query that resets the ROI's alarm."""
-        return self._of_roi(camera, roi, Kind.RESET)
+    def command(self, camera: str, roi: str, name: str) -> str:
+        """Query by which a command is given to the ROI."""
+        return f"{self.region(camera, roi)}/{_chunk(name)}"
 
-    def shelve(self, camera: str, roi: str) -> str:
-        """Query that shelves the ROI's alarm."""
-        return self._of_roi(camera, roi, Kind.SHELVE)
-
-    def unshelve(self, camera: str, roi: str) -> str:
-        """Query that ends the shelving."""
-        return self._of_roi(camera, roi, Kind.UNSHELVE)
-
-    def service(self, camera: str, roi: str) -> str:
-        """Query that takes the ROI's alarm out of service, or puts it back."""
-        return self._of_roi(camera, roi, Kind.SERVICE)
-
-    def suppress(self, camera: str, roi: str) -> str:
-        """Put or query by which the plant suppresses the ROI's alarm."""
-        return self._of_roi(camera, roi, Kind.SUPPRESS)
-
-    def verdict(self, camera: str, roi: str) -> str:
-        """Query that says whether an alarm of the ROI was true."""
-        return self._of_roi(camera, roi, Kind.VERDICT)
-
-    def evidence(self, camera: str, roi: str) -> str:
-        """Query for the evidence of the ROI's alarms."""
-        return self._of_roi(camera, roi, Kind.EVIDENCE)
-
-    def all_evidence(self) -> str:
-        """Selector: the evidence of all ROIs."""
-        return f"{self._root}/*/*/{Kind.EVIDENCE}"
-
-    def prior(self, camera: str, roi: str) -> str:
-        """Query for the prior that the ROI uses."""
-        return self._of_roi(camera, roi, Kind.PRIOR)
-
-    def proof(self, camera: str, roi: str) -> str:
-        """Query that starts a proof test of the ROI."""
-        return self._of_roi(camera, roi, Kind.PROOF)
+    def commands(self, name: str, camera: str = "*") -> str:
+        """Selector: one command of all ROIs, or of those of a camera."""
+        return f"{self._root}/{camera if camera == '*' else _chunk(camera)}/*/{_chunk(name)}"
 
     def test(self, camera: str, roi: str) -> str:
         """Alarms of the ROI's proof tests."""
@@ -211,16 +151,21 @@ class Keys:
         return f"{self._root}/{_chunk(camera)}/{kind}"
 
     def _of_roi(self, camera: str, roi: str, kind: Kind) -> str:
-        return f"{self._root}/{_chunk(camera)}/{_chunk(roi)}/{kind}"
+        return f"{self.region(camera, roi)}/{kind}"
 
 
-def on_every_site(kind: Kind) -> str:
-    """Selector: all keys of a kind, whatever their site, camera and ROI."""
+def command_key(name: str) -> str:
+    """The pattern of the keys of a command."""
+    return f"{_ROOT}/{{site}}/{{camera}}/{{roi}}/{_chunk(name)}"
+
+
+def on_every_site(kind: str) -> str:
+    """Selector: all keys of a kind or command, whatever their site, camera and ROI."""
     return f"{_ROOT}/*/{kind}/**" if kind is Kind.ALIVE else f"{_ROOT}/*/**/{kind}"
 
 
 def parse(key: str) -> Address:
-    """Take a key (not a selector) apart; raises ValueError for a key that is not of this contract."""
+    """Take a key (not a selector) apart; raises ValueError for a key that is no message's of this contract."""
     prefix = f"{_ROOT}/"
     parts = key.removeprefix(prefix).split("/")
     if not key.startswith(prefix) or not 3 <= len(parts) <= 4:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import zenoh
 
-from lumpwatch.service.bus.access import access_control
+from lumpwatch.service.bus.access import Commandable, access_control
 from lumpwatch.service.bus.client import Bus
 from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.handles import reason
@@ -29,19 +29,20 @@ _FIRST_ATTEMPT_S, _LONGEST_ATTEMPT_S, _PAUSE_S = 0.5, 4.0, 0.2
 _RETRY = {"period_init_ms": 200, "period_max_ms": 500, "period_increase_factor": 1.5}
 
 
-def open_hub(config: BusConfig) -> Bus:
+def open_hub(config: BusConfig, commands: Iterable[Commandable] = ()) -> Bus:
     """Be the hub: a router in this process that listens on all of `config.listen`.
 
     An endpoint with port 0 gets a free port; `Bus.endpoints` says what became of it, and names
     loopback for wildcard hosts, so it is what clients on this host connect to. Other routers in
-    `config.connect` are joined in the background. Raises BusError when any endpoint cannot be listened on.
+    `config.connect` are joined in the background. Where `config.access` says who may do what, nobody
+    may give other `commands` than these. Raises BusError when any endpoint cannot be listened on.
     """
     if config.mode != "router":
         raise BusError("bus: mode client has no hub of its own")
     listen = tuple(_with_port(endpoint) for endpoint in config.listen)
     settings = _settings(config, "router", listen=listen, connect=config.connect)
     if config.access is not None:
-        settings.insert_json5("access_control", json.dumps(access_control(config.access)))
+        settings.insert_json5("access_control", json.dumps(access_control(config.access, commands)))
     try:
         session = zenoh.open(settings)
     except zenoh.ZError as error:

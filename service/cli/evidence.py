@@ -88,7 +88,7 @@ def _from_store(arguments: argparse.Namespace, config: SiteConfig) -> int:
 def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> int:
     keys = Keys(config.site)
     found: list[dict[str, Any]] = []
-    for reply in bus.ask(keys.all_evidence(), timeout_s=10.0):
+    for reply in bus.ask(keys.commands("evidence"), timeout_s=10.0):
         if reply.payload is None:
             raise EvidenceError(f"{reply.key}: {reply.error}")
         found += json.loads(reply.payload)
@@ -103,7 +103,9 @@ def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> in
     one = wanted[0]
     if arguments.what == "show":
         return _show(one)
-    copied = fetch_evidence(bus, keys.evidence(one["camera"], one["roi"]), one["id"], arguments.out)
+    copied = fetch_evidence(
+        bus, keys.command(one["camera"], one["roi"], "evidence"), one["id"], arguments.out
+    )
     _say(f"{copied.folder}")
     return 0
 

@@ -1,76 +1,40 @@
-"""`lumpwatch ack`, `reset`, `shelve`, `unshelve`, `service`: what an operator does to a running daemon's alarms."""
+"""`lumpwatch ack`, `shelve`, …: what an operator does to a running daemon's alarms.
+
+One subcommand for each row of the command table that has a `cli`; its options are the fields of the request.
+"""
 
 from __future__ import annotations
 
 import argparse
-import json
+from functools import partial
 from pathlib import Path
+from typing import Literal, get_args, get_origin
+
+from pydantic.fields import FieldInfo
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
-from lumpwatch.service.core import AlarmClass, seconds_of
+from lumpwatch.service.core import AlarmClass, AlarmRequestError, seconds_of
 from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.protocol import COMMANDS, ActReply, Cli, Command, read_request
 
 _WHERE = "--camera crusher-1 --roi apron --actor anna"
+_SPAN = "_s"
+"""What the names of fields with seconds end with; on the command line they are times like 30m, without it."""
 
 
 def add(commands: Commands) -> None:
     """Add the commands."""
-    _with_target(
-        add_command(
-            commands,
-            "ack",
-            ack,
-            "Acknowledge an alarm of a running daemon.",
-            f"lumpwatch ack site.yaml {_WHERE}",
-        )
-    )
-    _with_target(
-        add_command(
-            commands,
-            "reset",
-            reset,
-            "Reset an alarm that is over and acknowledged, but latched.",
-            f"lumpwatch reset site.yaml {_WHERE}",
-        )
-    )
-    shelving = _with_target(
-        add_command(
-            commands,
-            "shelve",
-            shelve,
-            "Keep an alarm from being announced for a limited time; the condition is judged and recorded on.",
-            f'lumpwatch shelve site.yaml {_WHERE} --for 30m --reason "dust from the repair"',
-        )
-    )
-    shelving.add_argument(
-        "--for", required=True, dest="span", metavar="TIME", help="how long: 90s, 30m, 1h30m"
-    )
-    shelving.add_argument("--reason", required=True, metavar="TEXT", help="why")
-    _with_target(
-        add_command(
-            commands,
-            "unshelve",
-            unshelve,
-            "End the shelving of an alarm.",
-            f"lumpwatch unshelve site.yaml {_WHERE}",
-        )
-    )
-    serving = add_command(
-        commands,
-        "service",
-        service,
-        "Take an alarm out of service, or put it back in; it stays out until then.",
-        f'lumpwatch service site.yaml out {_WHERE} --reason "camera is being moved"',
-    )
-    _with_target(serving)
-    serving.add_argument("state", choices=("out", "in"), help="out of service, or in service again")
-    serving.add_argument("--reason", default="", metavar="TEXT", help="why (needed for out)")
+    for row in COMMANDS.values():
+        if row.cli is not None:
+            _add(commands, row, row.cli)
 
 
-def _with_target(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+def _add(commands: Commands, row: Command, cli: Cli) -> None:
+    example = f"lumpwatch {row.name} site.yaml {cli.example.format(where=_WHERE)}"
+    parser = add_command(commands, row.name, partial(_ask, row), cli.text, example)
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
     parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
@@ -82,55 +46,47 @@ def _with_target(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
         default=AlarmClass.LUMP.value,
         help="lump (default), blind: the ROI cannot judge, or system: it judges late, or a proof test failed",
     )
-    return parser
+    for name, field in _own(row).items():
+        _add_field(parser, name, field)
 
 
-def ack(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    return _ask(arguments, "ack", {})
+def _own(row: Command) -> dict[str, FieldInfo]:
+    """The fields that not every command has."""
+    shared = ("alarm_class", "actor")
+    return {name: field for name, field in row.request.model_fields.items() if name not in shared}
 
 
-def reset(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    return _ask(arguments, "reset", {})
+def _add_field(parser: argparse.ArgumentParser, name: str, field: FieldInfo) -> None:
+    told = (field.description or name).rstrip(".").replace("`", "")
+    told = told[0].lower() + told[1:]
+    if get_origin(field.annotation) is Literal:
+        parser.add_argument(name, choices=get_args(field.annotation), help=told)
+    elif name.endswith(_SPAN):
+        option, told = name.removesuffix(_SPAN), f"{told}: 90s, 30m, 1h30m"
+        parser.add_argument(f"--{option}", required=field.is_required(), dest=name, metavar="TIME", help=told)
+    else:
+        parser.add_argument(f"--{name}", required=field.is_required(), metavar="TEXT", help=told)
 
 
-def shelve(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    span_s = seconds_of(arguments.span)
-    return _ask(arguments, "shelve", {"reason": arguments.reason, "for_s": f"{span_s:g}"})
-
-
-def unshelve(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    return _ask(arguments, "unshelve", {})
-
-
-def service(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    if arguments.state == "in":
-        return _ask(arguments, "service", {"state": "in"})
-    if not arguments.reason:
-        raise ConfigError("service out needs --reason TEXT")
-    return _ask(arguments, "service", {"state": "out", "reason": arguments.reason})
-
-
-def _ask(arguments: argparse.Namespace, what: str, parameters: dict[str, str]) -> int:
+def _ask(row: Command, arguments: argparse.Namespace) -> int:
+    """Run a command."""
+    asked: dict[str, object] = {"actor": arguments.actor, "class": arguments.alarm_class}
+    for name in _own(row):
+        value = getattr(arguments, name)
+        if value is not None:
+            asked[name] = seconds_of(value) if name.endswith(_SPAN) else value
+    try:
+        request = read_request(row.request, asked)
+    except AlarmRequestError as error:
+        raise ConfigError(f"{row.name}: {error}") from error
     config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
-    keys = Keys(config.site)
-    key = {
-        "ack": keys.ack,
-        "reset": keys.reset,
-        "shelve": keys.shelve,
-        "unshelve": keys.unshelve,
-        "service": keys.service,
-    }[what]
-    asked = parameters | {"actor": arguments.actor, "class": arguments.alarm_class}
+    target, key = f"{camera.id}/{roi.id}", Keys(config.site).command(camera.id, roi.id, row.name)
+    parameters = request.model_dump(mode="json", by_alias=True, exclude_none=True)
     with open_client(as_client(config.bus), wait=False) as bus:
-        answer = ask_one(bus, key(camera.id, roi.id), asked, f"{camera.id}/{roi.id}")
-    told = json.loads(answer)
-    changes = ", ".join(told["changes"]) or "nothing to do"
-    print(f"{camera.id}/{roi.id} {told['class']}: {changes}, now {told['alarm']}")  # noqa: T201
+        answer = ask_one(bus, key, {name: str(value) for name, value in parameters.items()}, target)
+    told = ActReply.model_validate_json(answer)
+    changes = ", ".join(told.changes) or "nothing to do"
+    print(f"{target} {told.alarm_class}: {changes}, now {told.alarm}")  # noqa: T201
     return 0

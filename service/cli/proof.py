@@ -42,7 +42,7 @@ def proof(arguments: argparse.Namespace) -> int:
             rois = camera.rois if arguments.roi is None else (roi_of(camera, arguments.roi),)
             for roi in rois:
                 target = f"{camera.id}/{roi.id}"
-                key = keys.proof(camera.id, roi.id)
+                key = keys.command(camera.id, roi.id, "proof")
                 answer = ask_one(bus, key, {"actor": arguments.actor}, target, _PATIENCE_S)
                 result = ProofResult.model_validate_json(answer)
                 passed &= result.outcome is Outcome.PASSED

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
-from lumpwatch.service.storage import Says
+from lumpwatch.service.core import AlarmRequestError
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.protocol import Says, VerdictReply, VerdictRequest, read_request
 
 
 def add(commands: Commands) -> None:
@@ -44,9 +45,13 @@ def verdict(arguments: argparse.Namespace) -> int:
     for name in ("alarm", "evidence", "note"):
         if value := getattr(arguments, name):
             asked[name] = value.rpartition("/")[2] if name == "evidence" else value
-    target = f"{camera.id}/{roi.id}"
+    try:
+        read_request(VerdictRequest, asked)
+    except AlarmRequestError as error:
+        raise ConfigError(f"verdict: {error}") from error
+    target, key = f"{camera.id}/{roi.id}", Keys(config.site).command(camera.id, roi.id, "verdict")
     with open_client(as_client(config.bus), wait=False) as bus:
-        told = json.loads(ask_one(bus, Keys(config.site).verdict(camera.id, roi.id), asked, target))
-    later = "" if told["written"] else " (the disk is in trouble: it is written when the disk takes it again)"
-    print(f"{target} alarm {told['sequence']}: {told['verdict']}{later}")  # noqa: T201
+        told = VerdictReply.model_validate_json(ask_one(bus, key, asked, target))
+    later = "" if told.written else " (the disk is in trouble: it is written when the disk takes it again)"
+    print(f"{target} alarm {told.sequence}: {told.verdict}{later}")  # noqa: T201
     return 0

@@ -20,7 +20,12 @@ plant signal for as long as that is valid, OUT_OF_SERVICE until a person puts it
 judged on meanwhile, as `active` and `inactive`. When the last hold ends and the condition is active, the
 alarm is raised at once; what waited before the hold waits after it; what came and went under it does not.
 
-Times are seconds on one clock that the caller chooses and that never goes back.
+Times are seconds on one clock that never goes back, and they are the present of whoever steps: a change happens
+when it is decided, not when the frame that led to it was captured. Acknowledgements, holds and re-alarms can be
+compared with it, so that a hold of 30 s and a re-alarm after 30 s last 30 s for the people who wait, however late
+the picture is. Only the on-delay and the off-delay go by `observed_s`, the capture time: they ask how long the
+belt showed something, and are compared with nothing but each other, so that jitter on the way neither shortens nor
+lengthens them. In a replay both are the same.
 """
 
 from __future__ import annotations
@@ -150,7 +155,7 @@ class Alarm:
     latched: bool = False
     """Whether it was raised, and a person must reset it where the rules say so once it is over."""
     since_s: float | None = None
-    """Since when existence has been beyond the threshold that would change the condition."""
+    """Since when existence has been beyond the threshold that would change the condition; of observations."""
     announced_s: float | None = None
     """When it was last raised or re-alarmed."""
     actor: str | None = None
@@ -191,16 +196,20 @@ Act = Callable[[Alarm, Rules, float], Changed]
 
 
 def step_alarm(
-    alarm: Alarm, config: Rules, existence: float, time_s: float
+    alarm: Alarm, config: Rules, existence: float, time_s: float, *, observed_s: float | None = None
 ) -> tuple[Alarm, Transition | None]:
-    """The alarm after an existence was decided at `time_s`, and what became of the condition."""
+    """The alarm after an existence was decided at `time_s`, and what became of the condition.
+
+    `observed_s` is when it was so: the capture time of the frame; None: at `time_s`.
+    """
+    seen_s = time_s if observed_s is None else observed_s
     crossed = existence < config.clear_below if alarm.active else existence > config.raise_above
     if not crossed:
         return (alarm if alarm.since_s is None else replace(alarm, since_s=None)), None
-    since = time_s if alarm.since_s is None else alarm.since_s
+    since = seen_s if alarm.since_s is None else alarm.since_s
     delay = config.off_delay_s if alarm.active else config.on_delay_s
     # Time stamps are multiples of a frame interval: without the margin, rounding would add a frame.
-    if time_s - since < delay - 1e-6:
+    if seen_s - since < delay - 1e-6:
         return replace(alarm, since_s=since), None
     if alarm.active:
         waits = alarm.waits and config.latch

@@ -234,7 +234,7 @@ class CameraPipeline:
         if region.unfit is not None:
             return self._result(region, (), now_s)
         try:
-            made = region.channel.step(frame, may_learn=self._blind(region, now_s) is None)
+            made = region.channel.step(frame, now_s=now_s, may_learn=self._blind(region, now_s) is None)
         except Exception:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
             log.exception("camera %s, roi %s: the filter failed", self._config.id, region.channel.config.id)

@@ -140,10 +140,10 @@ class RegionChannel:
         detector = self._begun(geometry, width, height)
         self.detector, self._sizer, self.size = detector, sizer, (width, height)
 
-    def step(self, frame: Frame, *, may_learn: bool = True) -> Transition | None:
+    def step(self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True) -> Transition | None:
         """One frame of the fitted size: cut the region where it lies now, filter, and step the alarm.
 
-        Returns what became of the alarm. `may_learn`: whether the picture may teach a background model, if it is
+        Returns what became of the alarm, which is decided at `now_s`; None: at the capture. `may_learn`: whether the picture may teach a background model, if it is
         fit. Raises whatever is wrong with filter or frame; the alarm and the detection are then as before.
         """
         began, dt = perf_counter(), self._advance(frame.capture_s)
@@ -152,13 +152,17 @@ class RegionChannel:
         gray = working_luma(frame, place)
         colour = working_colour(frame, place) if self.config.detector.needs_colour else None
         cut_s = perf_counter() - began
-        made = self._judge(gray, colour, dt, frame.capture_s, offset_px=offset, may_learn=may_learn)
+        made = self._judge(
+            gray, colour, dt, frame.capture_s, now_s=now_s, offset_px=offset, may_learn=may_learn
+        )
         self._listener.stage("cut", self.config.id, cut_s)
         return made
 
     def step_working(self, gray: Image, colour: Image | None, time_s: float) -> Transition | None:
         """The same on a working picture (h, w) that was cut already, with colour (h, w, 3) where it is needed."""
-        return self._judge(gray, colour, self._advance(time_s), time_s, offset_px=(0, 0), may_learn=True)
+        return self._judge(
+            gray, colour, self._advance(time_s), time_s, now_s=None, offset_px=(0, 0), may_learn=True
+        )
 
     def begin_anew(self) -> None:
         """Forget what the filter knows of the past, after it has failed; alarm and sizes stay."""
@@ -237,6 +241,7 @@ class RegionChannel:
         dt: float,
         time_s: float,
         *,
+        now_s: float | None,
         offset_px: tuple[int, int],
         may_learn: bool,
     ) -> Transition | None:
@@ -256,7 +261,8 @@ class RegionChannel:
         self._listener.stage("filter", name, perf_counter() - looked)
         self.pictures.filtered(name, self.detection, time_s)
         evidence = self._evidence(found.alarming)
-        self.alarm, made = step_alarm(self.alarm, self.config.alarm, evidence, time_s)
+        decided_s = time_s if now_s is None else now_s
+        self.alarm, made = step_alarm(self.alarm, self.config.alarm, evidence, decided_s, observed_s=time_s)
         return made
 
     def _evidence(self, alarming: float) -> float:

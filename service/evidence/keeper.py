@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib.metadata import version
 
-from lumpwatch.service.bus import Handler
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline, Snapshot
@@ -13,6 +13,7 @@ from lumpwatch.service.evidence.serve import serve_evidence
 from lumpwatch.service.evidence.store import EvidenceStore
 from lumpwatch.service.evidence.verdicts import judged, verdicts_by_id
 from lumpwatch.service.evidence.writer import EvidenceWriter, Origin
+from lumpwatch.service.protocol import EvidenceRequest
 from lumpwatch.service.storage import event_file
 
 
@@ -39,6 +40,10 @@ class EvidenceKeeper:
         if results:
             self._recorder.add(Kept(frame, now_s, results), self._before)
 
+    def wants(self, trigger: Trigger) -> bool:
+        """Whether there will be evidence of an alarm that is raised now."""
+        return self._recorder.wants(trigger)
+
     def begin(self, trigger: Trigger) -> bool:
         """An alarm was raised; whether there will be evidence of it."""
         return self._recorder.begin(trigger)
@@ -51,8 +56,8 @@ class EvidenceKeeper:
         """Another prior is used from now on."""
         self._recorder.restart()
 
-    def handler(self, roi: str) -> Handler:
-        """Answers the evidence queries of a ROI."""
+    def handler(self, roi: str) -> Callable[[EvidenceRequest], bytes]:
+        """Answers the evidence requests of a ROI."""
         return serve_evidence(
             self._store, self._camera, roi, lambda: verdicts_by_id(event_file(self._root, self._camera))
         )

@@ -153,14 +153,18 @@ class Recorder:
         self._trim(kept.frame.capture_s)
         self.tick(kept.now_s)
 
+    def wants(self, trigger: Trigger) -> bool:
+        """Whether `begin` would begin a clip."""
+        return self._of_a_class(trigger) and self._fits()
+
     def begin(self, trigger: Trigger) -> bool:
         """Begin a clip with what is in the ring; whether there will be evidence."""
-        if trigger.alarm_class.value not in self._config.classes or not self._groups:
+        if not self._of_a_class(trigger):
             return False
-        size = sum(group.size for group in self._groups)
-        if self._clips_size() + size > 2 * self._config.memory_mb * _MIB:
+        if not self._fits():
             self._observer.evidence_problem("memory")
             return False
+        size = self._ring_size()
         kept = [one for group in self._groups for one in group.kept]
         start = self._groups[0].before[trigger.roi]
         self._running.append(_Recording(trigger, start, kept, len(kept) - 1, size))
@@ -182,6 +186,15 @@ class Recorder:
         self._running.remove(recording)
         kept = tuple(recording.kept)
         self._submit(Clip(recording.trigger, recording.start, kept, recording.decisive, ended))
+
+    def _of_a_class(self, trigger: Trigger) -> bool:
+        return trigger.alarm_class.value in self._config.classes and bool(self._groups)
+
+    def _fits(self) -> bool:
+        return self._clips_size() + self._ring_size() <= 2 * self._config.memory_mb * _MIB
+
+    def _ring_size(self) -> int:
+        return sum(group.size for group in self._groups)
 
     def _clips_size(self) -> int:
         return self._waiting() + sum(one.size for one in self._running)

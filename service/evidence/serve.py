@@ -17,10 +17,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from lumpwatch.service.bus import Bus, Handler
+from lumpwatch.service.bus import Bus
 from lumpwatch.service.evidence.folder import Evidence, EvidenceError, read_evidence
 from lumpwatch.service.evidence.store import EvidenceStore
-from lumpwatch.service.protocol import META, EvidenceMeta
+from lumpwatch.service.protocol import META, EvidenceMeta, EvidenceRequest
 
 PIECE = 1 << 20
 """Bytes of a file in one answer, unless fewer are asked for."""
@@ -30,19 +30,21 @@ Verdicts = Callable[[], dict[tuple[str, str], str]]
 """Tells the verdict that counts, by ROI and evidence id."""
 
 
-def serve_evidence(store: EvidenceStore, camera: str, roi: str, verdicts: Verdicts) -> Handler:
-    """Answers the evidence queries of a ROI; errors are EvidenceError."""
+def serve_evidence(
+    store: EvidenceStore, camera: str, roi: str, verdicts: Verdicts
+) -> Callable[[EvidenceRequest], bytes]:
+    """Answers the evidence requests of a ROI; errors are EvidenceError."""
 
-    def handle(parameters: dict[str, str], payload: bytes | None) -> bytes:
-        if "id" not in parameters:
-            newest = min(_number(parameters, "newest", 100), _MOST_LISTED)
+    def handle(asked: EvidenceRequest) -> bytes:
+        if asked.id is None:
+            newest = min(asked.newest, _MOST_LISTED)
             entries = store.entries(camera, roi)[-newest:] if newest else []
             known = verdicts()
             return json.dumps([told for one in entries if (told := _told(one.folder, known))]).encode()
-        evidence = read_evidence(store.folder(camera, roi, parameters["id"]))
-        if "file" not in parameters:
+        evidence = read_evidence(store.folder(camera, roi, asked.id))
+        if asked.file is None:
             return json.dumps(as_json(evidence.meta, verdicts())).encode()
-        return _piece(evidence, parameters)
+        return _piece(evidence, asked.file, asked.offset, asked.length)
 
     return handle
 
@@ -121,24 +123,13 @@ def _told(folder: Path, verdicts: dict[tuple[str, str], str]) -> dict[str, Any] 
         return None
 
 
-def _piece(evidence: Evidence, parameters: dict[str, str]) -> bytes:
-    name = parameters["file"]
+def _piece(evidence: Evidence, name: str, offset: int, length: int | None) -> bytes:
     if name not in (META, *evidence.meta.files):
         raise EvidenceError(f"file: '{name[:60]}' is none of {', '.join((META, *evidence.meta.files))}")
-    offset, length = _number(parameters, "offset", 0), _number(parameters, "length", PIECE)
     path = evidence.folder / name
     try:
         with path.open("rb") as file:
             file.seek(offset)
-            return file.read(min(length, PIECE))
+            return file.read(PIECE if length is None else min(length, PIECE))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from error
-
-
-def _number(parameters: dict[str, str], name: str, default: int) -> int:
-    text = parameters.get(name)
-    if text is None:
-        return default
-    if not (text.isascii() and text.isdecimal() and len(text) < 16):
-        raise EvidenceError(f"{name}: '{text[:60]}' is not a whole number of at least 0")
-    return int(text)

@@ -8,18 +8,22 @@ process ended is sent again, with the same sequence number. While there is no hu
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Protocol
 
 from lumpwatch.service.bus import Bus, Keys, Message, Publisher
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import AlarmChange, AlarmClass, Change, Clocks, RoiResult
+from lumpwatch.service.core import AlarmChange, AlarmClass, Changed, Clocks, RoiResult
 from lumpwatch.service.evidence import Trigger
+from lumpwatch.service.monitor.alarm_record import AlarmRecord, Source, finish
+from lumpwatch.service.monitor.effects import Confirm, Count, Effect, KeepEvidence, Publish, Write, effects_of
 from lumpwatch.service.monitor.heartbeat import VALID_S
 from lumpwatch.service.monitor.largest_seen import LargestSeen
 from lumpwatch.service.monitor.latency import LatencyWatch
 from lumpwatch.service.monitor.uptime import WatchLog
-from lumpwatch.service.protocol import AlarmData, alarm_event, level_of, record_id, state_message
-from lumpwatch.service.storage import Details, Entry, Event, EventWriter, Span
+from lumpwatch.service.protocol import level_of, state_message
+from lumpwatch.service.storage import EventWriter, Span
 from lumpwatch.service.telemetry import MonitorMetrics
 
 log = logging.getLogger(__name__)
@@ -28,11 +32,34 @@ LEVEL_EVERY_S = 0.5
 """How often a level that has not changed is sent."""
 
 
+class Evidence(Protocol):
+    """Keeps evidence of alarms; implemented by `lumpwatch.service.evidence.EvidenceKeeper`."""
+
+    def wants(self, trigger: Trigger) -> bool:
+        """Whether there will be evidence of that alarm."""
+
+    def begin(self, trigger: Trigger) -> bool:
+        """The alarm was raised; whether there will be evidence of it."""
+
+
+class NoEvidence:
+    """Keeps none."""
+
+    def wants(self, trigger: Trigger) -> bool:
+        """No."""
+        return False
+
+    def begin(self, trigger: Trigger) -> bool:
+        """No."""
+        return False
+
+
 class Announcer:
     """The publishers of one camera and its event log; used under the monitor's lock."""
 
     def __init__(
         self,
+        *,
         site: str,
         camera: CameraConfig,
         bus: Bus,
@@ -40,9 +67,9 @@ class Announcer:
         metrics: MonitorMetrics,
         clock: str,
         clocks: Callable[[], Clocks],
-        record: Callable[[Trigger], bool] = lambda _: False,
+        evidence: Evidence | None = None,
     ) -> None:
-        """`clock` names this host's monotonic clock, `clocks` tells the time, `record` begins evidence."""
+        """`clock` names this host's monotonic clock, `clocks` tells the time."""
         self._site = site
         self._bus = bus
         self._linked = False
@@ -50,10 +77,11 @@ class Announcer:
         self._camera = camera.id
         self._events = events
         self._metrics = metrics
-        self._clock = clock
+        self._source = Source(site, camera.id, clock)
         self._clocks = clocks
-        self._record = record
+        self._evidence: Evidence = evidence or NoEvidence()
         self._watch = WatchLog()
+        self._rois = {roi.id: roi for roi in camera.rois}
         self._largest = {roi.id: LargestSeen() for roi in camera.rois}
         self._states: dict[str, Publisher] = {}
         self._alarms: dict[str, Publisher] = {}
@@ -122,12 +150,8 @@ class Announcer:
             self._largest[result.roi].saw(result)
             if result.decided:
                 self._time(result, clocks.monotonic_s)
-        entries = [entry for result in results for entry in self._entries(result, clocks)]
-        if entries:
-            self._events.write(entries)
-            for entry in entries:
-                self._alarms[entry.event.roi].put(entry.record, entry.event.sequence)
-            self._sent([(entry.event.roi, entry.event.id) for entry in entries])
+        for effect in self.plan(results, clocks):
+            self._do(effect)
         for result in results:
             sequence = self._sequences[result.roi]
             message = state_message(result, self._site, self._camera, clocks, sequence)
@@ -155,68 +179,60 @@ class Announcer:
         if spans:
             self._events.add(spans, wait=False)
 
-    def _begin_evidence(self, result: RoiResult, change: AlarmChange, clocks: Clocks) -> str | None:
-        """The id of the evidence of an alarm that was raised, where there will be one."""
-        sequence = self._sequences[result.roi]
-        name = record_id(clocks, sequence)
-        trigger = Trigger(name, result.roi, change.alarm_class, sequence, clocks.wall_s, clocks.monotonic_s)
-        raised = change.transition.change is Change.RAISED
-        return name if raised and self._record(trigger) else None
+    def plan(self, results: Iterable[RoiResult], clocks: Clocks) -> tuple[Effect, ...]:
+        """What the changes in these results set off. Raises RecordError; nothing has happened then."""
+        return effects_of([one for result in results for one in self._records(result, clocks)])
 
-    def _entries(self, result: RoiResult, clocks: Clocks) -> list[Entry]:
-        entries = []
-        for change in result.changes:
-            self._sequences[result.roi] += 1
-            sequence, told = self._sequences[result.roi], change.transition
-            made = alarm_event(
+    def check(self, result: RoiResult, alarm_class: AlarmClass, changed: Changed) -> None:
+        """Raises RecordError where what is about to become of an alarm cannot be recorded.
+
+        `result` is the last one of the ROI, from before the change.
+        """
+        alarm, made = changed
+        priority = self._rois[result.roi].alarm.of_class(alarm_class).priority
+        changes = tuple(AlarmChange(alarm_class, one, alarm, priority) for one in made)
+        self._records(replace(result, changes=changes), self._clocks())
+
+    def _records(self, result: RoiResult, clocks: Clocks) -> list[AlarmRecord]:
+        return [
+            finish(
                 result,
                 change,
-                self._site,
-                self._camera,
-                sequence,
-                clocks,
+                source=self._source,
+                sequence=sequence,
+                clocks=clocks,
+                publisher=self._alarms[result.roi].name,
                 latency=self._latency[result.roi].last,
-                evidence=self._begin_evidence(result, change, clocks),
+                largest=self._largest[result.roi].told(),
+                evidence=self._evidence.wants,
             )
-            event = Event(
-                clocks.wall_s,
-                clocks.monotonic_s,
-                self._clock,
-                self._camera,
-                result.roi,
-                change.alarm_class,
-                told.change.value,
-                told.before.value,
-                told.after.value,
-                told.actor,
-                told.reason,
-                made.data.existence,
-                made.data.frame,
-                made.id,
-                made.data.sequence,
-                change.alarm,
-                self._details(made.data),
-            )
-            entries.append(Entry(event, made.line(), self._alarms[result.roi].name))
-            self._metrics.transition(result.roi, change.alarm_class, told)
-            log.warning(
-                "%s/%s: %s alarm %s%s (existence %.2f, frame %d)",
-                self._camera,
-                result.roi,
-                change.alarm_class.value,
-                told.change.value,
-                f" by {told.actor}" if told.actor else "",
-                result.existence,
-                made.data.frame,
-            )
-        return entries
+            for sequence, change in enumerate(result.changes, self._sequences[result.roi] + 1)
+        ]
 
-    def _details(self, data: AlarmData) -> Details:
-        """What reports want to know of a change beside the alarm's own columns."""
-        found: Details = {"lip_s": data.lip_s, "evidence": data.evidence}
-        if data.alarm_class is AlarmClass.LUMP:
-            found |= self._largest[data.roi].told()
-        return {name: value for name, value in found.items() if value is not None}
+    def _do(self, effect: Effect) -> None:
+        match effect:
+            case KeepEvidence(trigger):
+                self._evidence.begin(trigger)
+            case Write(entries):
+                self._sequences |= {one.event.roi: one.event.sequence for one in entries}
+                self._events.write(entries)
+            case Publish(entry):
+                self._alarms[entry.event.roi].put(entry.record, entry.event.sequence)
+            case Count(roi, alarm_class, transition, existence, frame):
+                self._metrics.transition(roi, alarm_class, transition)
+                actor = f" by {transition.actor}" if transition.actor else ""
+                log.warning(
+                    "%s/%s: %s alarm %s%s (existence %.2f, frame %d)",
+                    self._camera,
+                    roi,
+                    alarm_class.value,
+                    transition.change.value,
+                    actor,
+                    existence,
+                    frame,
+                )
+            case Confirm(records):
+                self._sent(list(records))
 
     def _send_level(self, roi: str, line: bytes, now_s: float) -> None:
         sent, sent_s = self._level_sent.get(roi, (b"", 0.0))

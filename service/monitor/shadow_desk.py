@@ -1,16 +1,16 @@
-"""The shadows of one camera in a running monitor: taken from the store, told on the bus, kept on the disk."""
+"""The shadows of one camera in a running monitor: run behind the decisions, told on the bus, kept on the disk."""
 
 from __future__ import annotations
 
 import logging
-import time
 from collections.abc import Callable
 
 from lumpwatch.service.bus import Bus, Keys, Publisher
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import RoiResult, utc
+from lumpwatch.service.core import Clocks, RoiResult, utc
 from lumpwatch.service.detection import Shadows
-from lumpwatch.service.storage import Prior, PriorStore, StateKeeper, StoreError, read_state
+from lumpwatch.service.monitor.artifacts import NewShadow
+from lumpwatch.service.storage import PriorStore, StateKeeper
 from lumpwatch.service.telemetry import ShadowMetrics
 
 log = logging.getLogger(__name__)
@@ -24,47 +24,31 @@ class ShadowDesk:
 
     def __init__(
         self,
+        *,
         site: str,
         camera: CameraConfig,
         store: PriorStore,
-        poll_s: float,
         bus: Bus,
         metrics: ShadowMetrics,
-        wall: Callable[[], float] = time.time,
-        clock: Callable[[], float] = time.monotonic,
+        clocks: Callable[[], Clocks],
     ) -> None:
         self._keys = Keys(site)
         self._camera = camera
-        self._store = store
-        self._poll_s = poll_s
         self._bus = bus
-        self._metrics = metrics
-        self._shadows = Shadows(camera, lambda: utc(wall()), clock, metrics)
+        self._shadows = Shadows(camera, lambda: utc(clocks().wall_s), lambda: clocks().monotonic_s, metrics)
         self._keeper = StateKeeper(store)
         self._publishers: dict[str, Publisher] = {}
-        self._pointer: dict[str, int | None] = {}
-        self._looked_s = self._kept_s = float("-inf")
+        self._rois: set[str] = set()
+        self._kept_s = float("-inf")
 
     def follow(self, results: tuple[RoiResult, ...], spent_s: float) -> None:
         """Show the shadows a frame that was decided and announced, which took `spent_s`."""
         self._shadows.follow(results, spent_s)
 
-    def look(self, in_use: Callable[[str], Prior | None], now_s: float) -> None:
-        """Take shadows that were newly set, drop those that were removed; at most once in `poll_s`."""
-        if now_s - self._looked_s < self._poll_s:
-            return
-        self._looked_s = now_s
-        for roi in self._camera.rois:
-            pointer = self._store.shadow_pointer(self._camera.id, roi.id)
-            if pointer != self._pointer.get(roi.id):
-                self._pointer[roi.id] = pointer
-                prior = in_use(roi.id)
-                self._take(roi.id, prior.version if prior else 0)
-
     def tell(self, now_s: float) -> None:
         """Publish the state of each shadow, and keep it every few seconds."""
         keep = now_s - self._kept_s >= KEEP_EVERY_S
-        for roi in self._pointer:
+        for roi in sorted(self._rois):
             state = self._shadows.state(roi)
             if state is None:
                 continue
@@ -77,13 +61,15 @@ class ShadowDesk:
 
     def close(self) -> None:
         """Keep what was counted."""
-        for roi in self._pointer:
+        for roi in sorted(self._rois):
             if (state := self._shadows.state(roi)) is not None:
                 self._keeper.keep(state)
         self._keeper.close()
 
-    def _take(self, roi: str, current: int) -> None:
-        prior = self._read(roi)
+    def take(self, found: NewShadow, current: int) -> None:
+        """Run a shadow that was newly set beside version `current`, or end one that was removed."""
+        roi, prior = found.roi, found.prior
+        self._rois.add(roi)
         before = self._shadows.state(roi)
         if before is not None:
             self._keeper.keep(before)
@@ -95,16 +81,4 @@ class ShadowDesk:
             self._shadows.use(roi, None)
             return
         log.info("%s/%s: runs version %d in shadow", self._camera.id, roi, prior.version)
-        self._shadows.use(roi, prior, current, read_state(self._store, self._camera.id, roi))
-
-    def _read(self, roi: str) -> Prior | None:
-        try:
-            found = self._store.shadow(self._camera.id, roi)
-        except StoreError as error:
-            log.error("%s/%s: %s", self._camera.id, roi, error)  # noqa: TRY400 - the line says it all
-            self._metrics.shadow_failed(roi, "unreadable")
-            return None
-        for problem in found.problems:
-            log.error("%s/%s: shadow refused: %s", self._camera.id, roi, problem)
-            self._metrics.shadow_failed(roi, "unreadable")
-        return found.prior
+        self._shadows.use(roi, prior, current, found.kept)

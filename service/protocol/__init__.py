@@ -1,7 +1,7 @@
 """What is said on the bus and in files: messages, commands, their schemas, and how results become records."""
 
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
-from lumpwatch.service.protocol.commands import Parameters, act_of, read, text_of
+from lumpwatch.service.protocol.commands import COMMANDS, Cli, Command, Lane, PriorRequest
 from lumpwatch.service.protocol.evidence import (
     CAMERA,
     CLIP,
@@ -13,6 +13,7 @@ from lumpwatch.service.protocol.evidence import (
     TIMES,
     Ended,
     EvidenceMeta,
+    EvidenceRequest,
     StoredFile,
 )
 from lumpwatch.service.protocol.messages import (
@@ -35,13 +36,15 @@ from lumpwatch.service.protocol.proof import (
 )
 from lumpwatch.service.protocol.proof_path import place_at
 from lumpwatch.service.protocol.records import alarm_event, level_of, record_id, state_line, state_message
-from lumpwatch.service.protocol.requests import ActReply
+from lumpwatch.service.protocol.requests import ActReply, AlarmRequest, Request, read_request
 from lumpwatch.service.protocol.schemas import MESSAGES, message_schema
 from lumpwatch.service.protocol.shadow import SIDES, Counts, ShadowState, Side, summary
+from lumpwatch.service.protocol.verdict import Says, VerdictReply, VerdictRequest
 
 __all__ = [
     "CAMERA",
     "CLIP",
+    "COMMANDS",
     "MESSAGES",
     "META",
     "PRIOR",
@@ -53,35 +56,42 @@ __all__ = [
     "ActReply",
     "AlarmData",
     "AlarmEvent",
+    "AlarmRequest",
     "BlendPlan",
     "BlendReply",
+    "Cli",
+    "Command",
     "Counts",
     "Ended",
     "EvidenceMeta",
+    "EvidenceRequest",
     "Heartbeat",
+    "Lane",
     "Latency",
     "LumpAt",
     "Outcome",
-    "Parameters",
+    "PriorRequest",
     "ProofReason",
     "ProofRequest",
     "ProofResult",
+    "Request",
     "RoiBeat",
+    "Says",
     "ShadowState",
     "Side",
     "StateLine",
     "StateMessage",
     "StoredFile",
-    "act_of",
+    "VerdictReply",
+    "VerdictRequest",
     "alarm_event",
     "asyncapi_text",
     "level_of",
     "message_schema",
     "place_at",
-    "read",
+    "read_request",
     "record_id",
     "state_line",
     "state_message",
     "summary",
-    "text_of",
 ]

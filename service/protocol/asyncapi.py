@@ -13,19 +13,12 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 from ruamel.yaml import YAML
 
-from lumpwatch.service.bus import KEY_OF, FrameHeader, Kind
+from lumpwatch.service.bus import KEY_OF, FrameHeader, Kind, command_key
+from lumpwatch.service.protocol.commands import COMMANDS
+from lumpwatch.service.protocol.content import Content
 from lumpwatch.service.protocol.examples import example
 from lumpwatch.service.protocol.messages import AlarmEvent, Heartbeat, Level, StateMessage
-from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, ProofRequest, ProofResult
-from lumpwatch.service.protocol.requests import (
-    AckRequest,
-    ActReply,
-    ResetRequest,
-    ServiceRequest,
-    ShelveRequest,
-    SuppressRequest,
-    UnshelveRequest,
-)
+from lumpwatch.service.protocol.proof import BlendPlan, BlendReply
 from lumpwatch.service.protocol.shadow import ShadowState
 
 _BYTES = {"type": "string", "format": "binary"}
@@ -39,53 +32,27 @@ _PARAMETERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class _Content:
-    """A message that is not JSON, or has a header."""
-
-    name: str
-    text: str
-    content_type: str
-    headers: type[BaseModel] | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class _Channel:
     """What a key carries: published messages, or a query with its reply."""
 
     text: str
-    sends: type[BaseModel] | _Content | None = None
-    asks: type[BaseModel] | _Content | None = None
-    replies: type[BaseModel] | _Content | None = None
+    sends: type[BaseModel] | Content | None = None
+    asks: type[BaseModel] | Content | None = None
+    replies: type[BaseModel] | Content | None = None
 
 
-_FRAME = _Content(
+_FRAME = Content(
     "Frame",
     "Pixels as payload, the header as JSON in zenoh's attachment.",
     "application/octet-stream",
     FrameHeader,
 )
-_JPEG = _Content(
+_JPEG = Content(
     "Picture", "A JPEG picture, the header as JSON in zenoh's attachment.", "image/jpeg", FrameHeader
 )
-_NOTHING = _Content("PriorRequest", "An empty query.", "application/json")
-_PRIOR = _Content(
-    "Prior",
-    "The bytes of the prior in use, as `lumpwatch priors export` writes them.",
-    "application/octet-stream",
-)
-_VERDICT = _Content(
-    "VerdictRequest", "Parameters actor, verdict, alarm or evidence, note.", "application/json"
-)
-_JUDGED = _Content("VerdictReply", "JSON: verdict, sequence, alarm, written.", "application/json")
-_WANTED = _Content("EvidenceRequest", "Parameters newest, or id, file, offset, length.", "application/json")
-_EVIDENCE = _Content(
-    "Evidence",
-    "JSON of evidence (`lumpwatch schema evidence`, with verdict) or a list of it; with file its bytes.",
-    "application/octet-stream",
-)
-_TOKEN = _Content("Token", "A liveliness token; it has no content.", "application/octet-stream")
+_TOKEN = Content("Token", "A liveliness token; it has no content.", "application/octet-stream")
 
-_CHANNELS: dict[Kind, _Channel] = {
+_PUBLISHED: dict[Kind, _Channel] = {
     Kind.FRAME: _Channel("What the monitor looks at; newest wins, dropped where a receiver is slow.", _FRAME),
     Kind.JPEG: _Channel("The whole picture for people, encoded only while someone listens.", _JPEG),
     Kind.TEST_FRAME: _Channel("Frames with the synthetic lump of a proof test.", _FRAME),
@@ -94,36 +61,28 @@ _CHANNELS: dict[Kind, _Channel] = {
     Kind.STATE: _Channel("State of the ROI, on every frame.", StateMessage),
     Kind.ALARM: _Channel("Changes of the ROI's alarms; never dropped, the last 64 kept.", AlarmEvent),
     Kind.LEVEL: _Channel("The least that a PLC gateway needs, when it changes and twice a second.", Level),
-    Kind.ACK: _Channel("Acknowledges an alarm.", asks=AckRequest, replies=ActReply),
-    Kind.RESET: _Channel("Resets an alarm that is latched.", asks=ResetRequest, replies=ActReply),
-    Kind.SHELVE: _Channel("Shelves an alarm.", asks=ShelveRequest, replies=ActReply),
-    Kind.UNSHELVE: _Channel("Ends the shelving.", asks=UnshelveRequest, replies=ActReply),
-    Kind.SERVICE: _Channel(
-        "Takes an alarm out of service, or puts it back.", asks=ServiceRequest, replies=ActReply
-    ),
-    Kind.SUPPRESS: _Channel(
-        "A plant signal suppresses an alarm; also taken as a plain put.",
-        asks=SuppressRequest,
-        replies=ActReply,
-    ),
-    Kind.VERDICT: _Channel("Says whether a lump alarm was one.", asks=_VERDICT, replies=_JUDGED),
-    Kind.EVIDENCE: _Channel("Lists evidence and hands it out.", asks=_WANTED, replies=_EVIDENCE),
-    Kind.PRIOR: _Channel("Asks for the prior in use.", asks=_NOTHING, replies=_PRIOR),
     Kind.SHADOW: _Channel(
         "State of the prior that runs in shadow, once a second while one does.", ShadowState
-    ),
-    Kind.PROOF: _Channel(
-        "Starts a proof test; the reply comes when it has ended.", asks=ProofRequest, replies=ProofResult
     ),
     Kind.TEST: _Channel("Alarms of proof tests, each marked `test`.", AlarmEvent),
     Kind.ALIVE: _Channel("Liveliness tokens of daemon, cameras and monitors.", _TOKEN),
 }
 
+_CHANNELS: dict[str, tuple[str, _Channel]] = {
+    **{kind.name.lower(): (KEY_OF[kind], channel) for kind, channel in _PUBLISHED.items()},
+    **{
+        name: (command_key(name), _Channel(command.text, asks=command.request, replies=command.reply))
+        for name, command in COMMANDS.items()
+    },
+}
+"""Address and content by the name of the channel."""
+
 
 def asyncapi_document() -> dict[str, Any]:
     """The whole document as plain data."""
     models = sorted(
-        {one for channel in _CHANNELS.values() for one in _models(channel)}, key=lambda model: model.__name__
+        {one for _, channel in _CHANNELS.values() for one in _models(channel)},
+        key=lambda model: model.__name__,
     )
     _, schemas = models_json_schema(
         [(model, "serialization") for model in models], ref_template="#/components/schemas/{model}"
@@ -131,11 +90,9 @@ def asyncapi_document() -> dict[str, Any]:
     messages: dict[str, Any] = {}
     channels: dict[str, Any] = {}
     operations: dict[str, Any] = {}
-    for kind, channel in _CHANNELS.items():
-        name = kind.name.lower()
+    for name, (address, channel) in _CHANNELS.items():
         of_channel = [one for one in (channel.sends, channel.asks, channel.replies) if one is not None]
         messages |= {_name(one): _message(one) for one in of_channel}
-        address = KEY_OF[kind]
         channels[name] = {
             "address": address,
             "description": channel.text,
@@ -176,7 +133,7 @@ def asyncapi_text() -> str:
 def _models(channel: _Channel) -> list[type[BaseModel]]:
     found = []
     for one in (channel.sends, channel.asks, channel.replies):
-        model = one.headers if isinstance(one, _Content) else one
+        model = one.headers if isinstance(one, Content) else one
         if model is not None:
             found.append(model)
     return found
@@ -200,8 +157,8 @@ def _operation(name: str, channel: _Channel) -> dict[str, Any]:
     }
 
 
-def _message(one: type[BaseModel] | _Content) -> dict[str, Any]:
-    if isinstance(one, _Content):
+def _message(one: type[BaseModel] | Content) -> dict[str, Any]:
+    if isinstance(one, Content):
         made = {"name": one.name, "summary": one.text, "contentType": one.content_type}
         if one.headers is None:
             return made
@@ -221,9 +178,9 @@ def _message(one: type[BaseModel] | _Content) -> dict[str, Any]:
     }
 
 
-def _name(one: type[BaseModel] | _Content) -> str:
-    return one.name if isinstance(one, _Content) else one.__name__
+def _name(one: type[BaseModel] | Content) -> str:
+    return one.name if isinstance(one, Content) else one.__name__
 
 
-def _ref(where: str, one: type[BaseModel] | _Content) -> dict[str, str]:
+def _ref(where: str, one: type[BaseModel] | Content) -> dict[str, str]:
     return {"$ref": f"#/{where}/{_name(one)}"}

@@ -1,15 +1,24 @@
-"""What operators and the plant may ask of an alarm over the bus: parameters of a query -> what is done."""
+"""The command table: one row a command that operators, plant control and programs can give on the bus.
+
+From a row come the key expression, the JSON Schema of the request, the channel in the AsyncAPI document, the rule
+of access control, the label of the metric of refusals, and where it has a `cli` the subcommand of `lumpwatch`.
+A row with an `act` is complete: the monitor does it to the alarm. What the others do needs the store or the proof
+test and is bound by name in the monitor (`lumpwatch.service.monitor.command_server`).
+"""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Literal
 
-from lumpwatch.service.bus import Kind
+from pydantic import Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+from lumpwatch.service.bus import Role
 from lumpwatch.service.core import (
     Act,
-    AlarmClass,
-    AlarmRequestError,
     acknowledge,
     all_of,
     put_back,
@@ -20,116 +29,247 @@ from lumpwatch.service.core import (
     unshelve,
     unsuppress,
 )
-from lumpwatch.service.protocol.requests import (
-    AckRequest,
-    Request,
-    ResetRequest,
-    ServiceRequest,
-    ShelveRequest,
-    SuppressRequest,
-    UnshelveRequest,
+from lumpwatch.service.protocol.content import Content
+from lumpwatch.service.protocol.evidence import EvidenceRequest
+from lumpwatch.service.protocol.messages import Record
+from lumpwatch.service.protocol.proof import ProofRequest, ProofResult
+from lumpwatch.service.protocol.requests import ActReply, AlarmRequest, Name, OptionalReason, Reason, Request
+from lumpwatch.service.protocol.verdict import Says, VerdictReply, VerdictRequest
+
+
+class Lane(StrEnum):
+    """Which commands of a camera wait for each other."""
+
+    ALARMS = "alarm commands"
+    """Short work in memory."""
+    STORE = "store commands"
+    """Reads files: no alarm command waits for a slow disk."""
+    TEST = "proof tests"
+    """Takes as long as a lump takes; one that comes meanwhile is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cli:
+    """The subcommand of `lumpwatch`; its options come from the fields of the request."""
+
+    text: str
+    example: str = "{where}"
+    """What stands behind CONFIG in its example; `{where}` becomes `--camera`, `--roi` and `--actor`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One row. The example shows the request in documents, and its type is the model of the request."""
+
+    name: str
+    """Last part of the key, label in the metric of refusals, and name of the subcommand."""
+    text: str
+    """What it does, in a sentence."""
+    role: Role
+    example: Request
+    act: Callable[[Any], Act] | None = None
+    """From the request to what is done to the alarm: pure. None: it is about something else."""
+    lane: Lane = Lane.ALARMS
+    reply: type[Record] | Content = ActReply
+    puts: bool = False
+    """Whether a plain put of the request as JSON does it too."""
+    cli: Cli | None = None
+
+    @property
+    def request(self) -> type[Request]:
+        """The model of the request."""
+        return type(self.example)
+
+
+class AckRequest(AlarmRequest):
+    """Acknowledge an alarm."""
+
+    actor: Name
+    """Who does it."""
+
+
+class ResetRequest(AlarmRequest):
+    """Reset an alarm that is latched."""
+
+    actor: Name
+    """Who does it."""
+
+
+class ShelveRequest(AlarmRequest):
+    """Keep an alarm from being announced for a while."""
+
+    actor: Name
+    """Who does it."""
+    reason: Reason
+    """Why."""
+    for_s: float = Field(gt=0.0)
+    """For how long, at most `shelve_max_s`."""
+
+
+class UnshelveRequest(AlarmRequest):
+    """End the shelving."""
+
+    actor: Name
+    """Who does it."""
+
+
+class ServiceRequest(AlarmRequest):
+    """Take an alarm out of service, or put it back in."""
+
+    actor: Name
+    """Who does it."""
+    state: Literal["out", "in"]
+    """`out` of service, or `in` again."""
+    reason: OptionalReason | None = Field(default=None, validate_default=True)
+    """Why; needed for `out`."""
+
+    @field_validator("reason")
+    @classmethod
+    def _said(cls, reason: str | None, info: ValidationInfo) -> str | None:
+        if info.data.get("state") == "out" and not reason:
+            raise PydanticCustomError("missing", "is missing")
+        return reason
+
+
+class SuppressRequest(AlarmRequest):
+    """A plant signal suppresses an alarm for as long as it is valid."""
+
+    signal: Name
+    """Name of the signal."""
+    valid_s: float = Field(ge=0.0)
+    """For how long, at most `suppress_max_s`; 0 ends it."""
+
+
+class PriorRequest(Request):
+    """Ask for the prior in use; it has no parameters."""
+
+
+def _acknowledge(asked: AckRequest) -> Act:
+    return lambda alarm, _, now_s: all_of(acknowledge(alarm, asked.actor, now_s))
+
+
+def _reset(asked: ResetRequest) -> Act:
+    return lambda alarm, _, now_s: all_of(reset(alarm, asked.actor, now_s))
+
+
+def _shelve(asked: ShelveRequest) -> Act:
+    return lambda alarm, rules, now_s: all_of(
+        shelve(alarm, rules, now_s, asked.actor, asked.reason, asked.for_s)
+    )
+
+
+def _unshelve(asked: UnshelveRequest) -> Act:
+    return lambda alarm, _, now_s: unshelve(alarm, now_s, asked.actor)
+
+
+def _service(asked: ServiceRequest) -> Act:
+    if asked.state == "in":
+        return lambda alarm, _, now_s: put_back(alarm, now_s, asked.actor)
+    return lambda alarm, _, now_s: all_of(take_out(alarm, now_s, asked.actor, asked.reason or ""))
+
+
+def _suppress(asked: SuppressRequest) -> Act:
+    if asked.valid_s == 0.0:
+        return lambda alarm, _, now_s: unsuppress(alarm, now_s, asked.signal)
+    return lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, asked.signal, asked.valid_s))
+
+
+_ROWS = (
+    Command(
+        "ack",
+        "Acknowledges an alarm.",
+        Role.OPERATOR,
+        AckRequest(actor="anna"),
+        _acknowledge,
+        cli=Cli("Acknowledge an alarm of a running daemon."),
+    ),
+    Command(
+        "reset",
+        "Resets an alarm that is latched.",
+        Role.OPERATOR,
+        ResetRequest(actor="anna"),
+        _reset,
+        cli=Cli("Reset an alarm that is over and acknowledged, but latched."),
+    ),
+    Command(
+        "shelve",
+        "Shelves an alarm.",
+        Role.OPERATOR,
+        ShelveRequest(actor="anna", reason="dust from the repair", for_s=1800.0),
+        _shelve,
+        cli=Cli(
+            "Keep an alarm from being announced for a limited time; the condition is judged and recorded on.",
+            '{where} --for 30m --reason "dust from the repair"',
+        ),
+    ),
+    Command(
+        "unshelve",
+        "Ends the shelving.",
+        Role.OPERATOR,
+        UnshelveRequest(actor="anna"),
+        _unshelve,
+        cli=Cli("End the shelving of an alarm."),
+    ),
+    Command(
+        "service",
+        "Takes an alarm out of service, or puts it back.",
+        Role.OPERATOR,
+        ServiceRequest(actor="anna", state="out", reason="camera is being moved"),
+        _service,
+        cli=Cli(
+            "Take an alarm out of service, or put it back in; it stays out until then.",
+            'out {where} --reason "camera is being moved"',
+        ),
+    ),
+    Command(
+        "suppress",
+        "A plant signal suppresses an alarm; also taken as a plain put.",
+        Role.PLANT,
+        SuppressRequest(signal="feeder-stopped", valid_s=30.0),
+        _suppress,
+        puts=True,
+    ),
+    Command(
+        "verdict",
+        "Says whether a lump alarm was one.",
+        Role.OPERATOR,
+        VerdictRequest(actor="anna", verdict=Says.FALSE, alarm="12", note="dust"),
+        lane=Lane.STORE,
+        reply=VerdictReply,
+    ),
+    Command(
+        "evidence",
+        "Lists evidence and hands it out.",
+        Role.ANYONE,
+        EvidenceRequest(newest=10),
+        lane=Lane.STORE,
+        reply=Content(
+            "Evidence",
+            "JSON of evidence (`lumpwatch schema evidence`, with verdict) or a list of it; with file its bytes.",
+            "application/octet-stream",
+        ),
+    ),
+    Command(
+        "prior",
+        "Asks for the prior in use.",
+        Role.ANYONE,
+        PriorRequest(),
+        lane=Lane.STORE,
+        reply=Content(
+            "Prior",
+            "The bytes of the prior in use, as `lumpwatch priors export` writes them.",
+            "application/octet-stream",
+        ),
+    ),
+    Command(
+        "proof",
+        "Starts a proof test; the reply comes when it has ended.",
+        Role.OPERATOR,
+        ProofRequest(actor="anna"),
+        lane=Lane.TEST,
+        reply=ProofResult,
+    ),
 )
 
-Parameters = dict[str, str]
-_LONGEST = 128, 500
-"""Characters that are kept of a name, and of a reason."""
-
-
-def read(parameters: Parameters, payload: bytes | None) -> Parameters:
-    """The parameters of a query, or those that its payload, or a put, carries as a JSON object.
-
-    Raises AlarmRequestError for a payload that is something else.
-    """
-    if not payload:
-        return parameters
-    try:
-        carried = json.loads(payload)
-    except ValueError as error:
-        raise AlarmRequestError("the payload is not JSON") from error
-    if not isinstance(carried, dict):
-        raise AlarmRequestError("the payload is not a JSON object")
-    return {str(name): str(value) for name, value in carried.items()} | parameters
-
-
-def act_of(kind: Kind, parameters: Parameters) -> tuple[AlarmClass, Act]:
-    """Which alarm is meant, and what is to be done to it. Raises AlarmRequestError."""
-    model, make = _KINDS[kind]
-    names = model.names()
-    if unknown := sorted(set(parameters) - names):
-        has = ", ".join([*sorted(names - {"class"}), "class"])
-        raise AlarmRequestError(f"{unknown[0]}: is no parameter of {kind} (has {has})")
-    wanted = parameters.get("class", AlarmClass.LUMP.value)
-    if wanted not in tuple(AlarmClass):
-        raise AlarmRequestError(f"class: '{wanted}' is none of {', '.join(AlarmClass)}")
-    return AlarmClass(wanted), make(parameters)
-
-
-def text_of(parameters: Parameters, name: str, longest: int) -> str:
-    """A parameter without needless white space, cut at `longest`. Raises AlarmRequestError where it is missing."""
-    value = " ".join(parameters.get(name, "").split())[:longest]
-    if not value:
-        raise AlarmRequestError(f"{name}: is missing")
-    return value
-
-
-def _actor(parameters: Parameters) -> str:
-    return text_of(parameters, "actor", _LONGEST[0])
-
-
-def _reason(parameters: Parameters) -> str:
-    return text_of(parameters, "reason", _LONGEST[1])
-
-
-def _seconds(parameters: Parameters, name: str) -> float:
-    text = text_of(parameters, name, _LONGEST[0])
-    try:
-        return float(text)
-    except ValueError:
-        raise AlarmRequestError(f"{name}: '{text}' is not a number of seconds") from None
-
-
-def _acknowledge(parameters: Parameters) -> Act:
-    actor = _actor(parameters)
-    return lambda alarm, _, now_s: all_of(acknowledge(alarm, actor, now_s))
-
-
-def _reset(parameters: Parameters) -> Act:
-    actor = _actor(parameters)
-    return lambda alarm, _, now_s: all_of(reset(alarm, actor, now_s))
-
-
-def _shelve(parameters: Parameters) -> Act:
-    actor, reason, for_s = _actor(parameters), _reason(parameters), _seconds(parameters, "for_s")
-    return lambda alarm, rules, now_s: all_of(shelve(alarm, rules, now_s, actor, reason, for_s))
-
-
-def _unshelve(parameters: Parameters) -> Act:
-    actor = _actor(parameters)
-    return lambda alarm, _, now_s: unshelve(alarm, now_s, actor)
-
-
-def _service(parameters: Parameters) -> Act:
-    actor, state = _actor(parameters), text_of(parameters, "state", _LONGEST[0])
-    if state == "in":
-        return lambda alarm, _, now_s: put_back(alarm, now_s, actor)
-    if state != "out":
-        raise AlarmRequestError(f"state: '{state}' is neither in nor out")
-    reason = _reason(parameters)
-    return lambda alarm, _, now_s: all_of(take_out(alarm, now_s, actor, reason))
-
-
-def _suppress(parameters: Parameters) -> Act:
-    signal, valid_s = text_of(parameters, "signal", _LONGEST[0]), _seconds(parameters, "valid_s")
-    if valid_s == 0.0:
-        return lambda alarm, _, now_s: unsuppress(alarm, now_s, signal)
-    return lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, signal, valid_s))
-
-
-_KINDS: dict[Kind, tuple[type[Request], Callable[[Parameters], Act]]] = {
-    Kind.ACK: (AckRequest, _acknowledge),
-    Kind.RESET: (ResetRequest, _reset),
-    Kind.SHELVE: (ShelveRequest, _shelve),
-    Kind.UNSHELVE: (UnshelveRequest, _unshelve),
-    Kind.SERVICE: (ServiceRequest, _service),
-    Kind.SUPPRESS: (SuppressRequest, _suppress),
-}
+COMMANDS: dict[str, Command] = {row.name: row for row in _ROWS}
+"""All of them, by name."""

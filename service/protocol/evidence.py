@@ -13,12 +13,13 @@ still.jpg       the frame that raised the alarm
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import AliasChoices, Field
 
 from lumpwatch.service.core import AlarmClass
 from lumpwatch.service.protocol.messages import Record
+from lumpwatch.service.protocol.requests import Name, Request
 
 Ended = Literal["post_roll", "memory", "changed", "stopped"]
 """Why a clip ends: as configured, memory was short, the prior or the picture changed, the monitor stopped."""
@@ -87,3 +88,21 @@ class EvidenceMeta(Record):
     def name(self) -> str:
         """In one word for people and commands."""
         return f"{self.camera}/{self.roi}/{self.id}"
+
+
+_Whole = Annotated[int, Field(ge=0, lt=10**15)]
+
+
+class EvidenceRequest(Request):
+    """Ask for evidence: the newest pieces, one by its id, or bytes of one of its files."""
+
+    newest: _Whole = 100
+    """How many to list, at most 1000; the newest come last."""
+    id: Name | None = None
+    """Only this one."""
+    file: Name | None = None
+    """Bytes of this file of it."""
+    offset: _Whole = 0
+    """From this byte on."""
+    length: _Whole | None = None
+    """At most so many bytes, and at most 1 MiB."""

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from lumpwatch.service.bus import FrameHeader
 from lumpwatch.service.core import AlarmClass, AlarmState, Change, Decision
+from lumpwatch.service.protocol.commands import COMMANDS
 from lumpwatch.service.protocol.evidence import EvidenceMeta, StoredFile
 from lumpwatch.service.protocol.messages import (
     AlarmData,
@@ -24,17 +25,10 @@ from lumpwatch.service.protocol.messages import (
     StateMessage,
     Timing,
 )
-from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, LumpAt, Outcome, ProofRequest, ProofResult
-from lumpwatch.service.protocol.requests import (
-    AckRequest,
-    ActReply,
-    ResetRequest,
-    ServiceRequest,
-    ShelveRequest,
-    SuppressRequest,
-    UnshelveRequest,
-)
+from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, LumpAt, Outcome, ProofResult
+from lumpwatch.service.protocol.requests import ActReply
 from lumpwatch.service.protocol.shadow import ShadowState
+from lumpwatch.service.protocol.verdict import Says, VerdictReply
 
 _SITE, _CAMERA, _ROI = "north-pit", "crusher-1", "apron"
 _DECIDED = datetime(2026, 3, 14, 5, 9, 26, 535_000, UTC)
@@ -167,12 +161,6 @@ _MODELS: tuple[BaseModel, ...] = (
         frames=431_120,
         skipped=880,
     ),
-    AckRequest(actor="anna"),
-    ResetRequest(actor="anna"),
-    ShelveRequest(actor="anna", reason="dust from the repair", for_s=1800.0),
-    UnshelveRequest(actor="anna"),
-    ServiceRequest(actor="anna", state="out", reason="camera is being moved"),
-    SuppressRequest(signal="feeder-stopped", valid_s=30.0),
     ActReply(
         alarm_class=AlarmClass.LUMP,
         changes=(Change.ACKNOWLEDGED,),
@@ -181,7 +169,7 @@ _MODELS: tuple[BaseModel, ...] = (
         sequence=13,
         acknowledged=True,
     ),
-    ProofRequest(actor="anna"),
+    VerdictReply(verdict=Says.FALSE, sequence=12, alarm="001773464966535-000012", written=True),
     ProofResult(
         site=_SITE,
         camera=_CAMERA,
@@ -218,6 +206,7 @@ _MODELS: tuple[BaseModel, ...] = (
         software="0.1.0",
         files={"still.jpg": StoredFile(size=48213, sha256=64 * "a")},
     ),
+    *(command.example for command in COMMANDS.values()),
 )
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from lumpwatch.service.protocol.messages import Record
+from lumpwatch.service.protocol.requests import OptionalName, Request
 
 
 class Outcome(StrEnum):
@@ -42,10 +43,10 @@ class ProofReason(StrEnum):
     """The daemon was stopped (inconclusive)."""
 
 
-class ProofRequest(Record):
+class ProofRequest(Request):
     """Ask for a proof test; the reply comes when it has ended."""
 
-    actor: str = Field(default="", max_length=128)
+    actor: OptionalName = ""
     """Who asks; empty: the schedule."""
 
 

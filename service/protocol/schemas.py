@@ -7,21 +7,15 @@ import json
 from pydantic import BaseModel
 
 from lumpwatch.service.bus import FrameHeader
+from lumpwatch.service.protocol.commands import COMMANDS
 from lumpwatch.service.protocol.evidence import EvidenceMeta
 from lumpwatch.service.protocol.messages import AlarmEvent, Heartbeat, Level, StateLine, StateMessage
-from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, ProofRequest, ProofResult
-from lumpwatch.service.protocol.requests import (
-    AckRequest,
-    ActReply,
-    ResetRequest,
-    ServiceRequest,
-    ShelveRequest,
-    SuppressRequest,
-    UnshelveRequest,
-)
+from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, ProofResult
+from lumpwatch.service.protocol.requests import ActReply
 from lumpwatch.service.protocol.shadow import ShadowState
+from lumpwatch.service.protocol.verdict import VerdictReply
 
-MESSAGES: dict[str, type[BaseModel]] = {
+_PUBLISHED: dict[str, type[BaseModel]] = {
     "alarm": AlarmEvent,
     "state": StateMessage,
     "heartbeat": Heartbeat,
@@ -29,20 +23,17 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "replay": StateLine,
     "shadow": ShadowState,
     "frame": FrameHeader,
-    "ack": AckRequest,
-    "reset": ResetRequest,
-    "shelve": ShelveRequest,
-    "unshelve": UnshelveRequest,
-    "service": ServiceRequest,
-    "suppress": SuppressRequest,
     "act-reply": ActReply,
-    "proof": ProofRequest,
+    "verdict-reply": VerdictReply,
     "proof-result": ProofResult,
     "blend": BlendPlan,
     "blend-reply": BlendReply,
     "evidence": EvidenceMeta,
 }
-"""By the name under which `lumpwatch schema` prints them."""
+MESSAGES: dict[str, type[BaseModel]] = _PUBLISHED | {
+    f"{name}-request" if name in _PUBLISHED else name: command.request for name, command in COMMANDS.items()
+}
+"""By the name under which `lumpwatch schema` prints them; requests have that of their command."""
 
 
 def message_schema(name: str) -> str:

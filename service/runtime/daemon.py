@@ -24,6 +24,7 @@ from lumpwatch.service.bus import Keys, open_client, open_hub
 from lumpwatch.service.capture import run_camera
 from lumpwatch.service.config import BusConfig, CameraConfig, SiteConfig
 from lumpwatch.service.monitor import run_monitor
+from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
 from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
 
@@ -126,7 +127,8 @@ def run(
     registry.register(relay)
     metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path)
     with contextlib.ExitStack() as stack:
-        hub = open_hub(config.bus) if config.bus.mode == "router" else open_client(config.bus, stop)
+        router = config.bus.mode == "router"
+        hub = open_hub(config.bus, COMMANDS.values()) if router else open_client(config.bus, stop)
         stack.callback(hub.close)
         inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
         chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]

@@ -10,7 +10,7 @@ from lumpwatch.service.core import Alarm, AlarmClass, Hold
 Details = dict[str, float | str | None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """One row."""
 

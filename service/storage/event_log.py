@@ -14,7 +14,7 @@ import contextlib
 import json
 import sqlite3
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,7 @@ _COLUMNS = (
     "time_s", "monotonic_s", "clock", "camera", "roi", "class", "change", "before", "after",
     "actor", "reason", "existence", "frame", "id", "sequence", "alarm", "details",
 )  # fmt: skip
+_FIELDS = tuple(field.name for field in fields(Event))
 # A commit whose success could not be told is tried again: the same event is still one row.
 _INSERT = (
     f"INSERT INTO events ({', '.join(_COLUMNS)}) VALUES ({', '.join('?' * len(_COLUMNS))}) "
@@ -93,6 +94,23 @@ def is_corrupt(error: Exception) -> bool:
     """Whether the file itself is damaged, or is none of ours, and not only out of reach for now."""
     code = getattr(error, "sqlite_errorcode", None)
     return isinstance(error, _Foreign) or (code is not None and code & 0xFF in _CORRUPT)
+
+
+_REFUSED = (
+    sqlite3.SQLITE_CONSTRAINT,
+    sqlite3.SQLITE_MISMATCH,
+    sqlite3.SQLITE_TOOBIG,
+    sqlite3.SQLITE_RANGE,
+)
+
+
+def is_refused(error: Exception) -> bool:
+    """Whether the values themselves cannot be written, to this file or any other."""
+    if isinstance(error, sqlite3.Error):
+        code = getattr(error, "sqlite_errorcode", None)
+        return "bind" in str(error) if code is None else code & 0xFF in _REFUSED
+    # Before SQLite sees them: text with half a surrogate pair, a number beyond 64 bits.
+    return isinstance(error, (ValueError, TypeError, OverflowError))
 
 
 class _Foreign(sqlite3.DatabaseError):
@@ -195,10 +213,13 @@ class EventLog:
         return self._db.execute("SELECT roi, id, record FROM outbox ORDER BY rowid").fetchall()
 
     def latest(self) -> list[Event]:
-        """The last event of each ROI and class."""
+        """The last event of each ROI and class; what cannot be understood is damage."""
         numbers = "SELECT max(number) FROM events GROUP BY roi, class"
-        rows = self._db.execute(f"{_SELECT} WHERE number IN ({numbers}) ORDER BY number")
-        return [_event(row) for row in rows]
+        rows = self._db.execute(f"{_SELECT} WHERE number IN ({numbers}) ORDER BY number").fetchall()
+        try:
+            return [_event(row) for row in rows]
+        except (ValueError, TypeError, KeyError) as error:
+            raise _Foreign(f"holds an event that is none of ours ({error})") from error
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -254,7 +275,7 @@ def _event(row: tuple[Any, ...]) -> Event:
     values = list(row)
     values[5], values[15] = AlarmClass(values[5]), alarm_of(values[15])
     values[16] = {} if values[16] is None else dict(json.loads(values[16]))
-    return Event(*values)
+    return Event(**dict(zip(_FIELDS, values, strict=True)))
 
 
 def alarm_text(alarm: Alarm) -> str:

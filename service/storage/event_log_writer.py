@@ -3,7 +3,9 @@
 `write` hands over a batch and waits until it is on the disk, but for `WAIT_S` at the most: an alarm is
 on the disk before it is on the bus, unless the disk is in trouble. While it is, `write` does not wait at
 all; batches wait in memory, up to `MOST_WAITING` events, and are written once the disk takes them again.
-A damaged file is moved aside under a name of its own and a new one begins, with the present state.
+A damaged file is moved aside under a name of its own and a new one begins, with the present state. Damage is
+what SQLite calls so, and what was read and is none of ours. A row whose values no file would take is set aside
+alone: it is counted and named in the log, and all others are written.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from lumpwatch.service.storage.event_log import (
     KeptRecord,
     event_file,
     is_corrupt,
+    is_refused,
     read_events,
 )
 from lumpwatch.service.storage.event_notes import Note
@@ -50,7 +53,7 @@ class EventObserver(Protocol):
         """Events are on the disk."""
 
     def event_problem(self, reason: str, count: int = 1) -> None:
-        """`corrupt`, `unwritable`, `late` or `lost`."""
+        """`corrupt`, `unwritable`, `late`, `lost` or `refused`."""
 
     def events_waiting(self, count: int) -> None:
         """Events that are not on the disk yet."""
@@ -169,13 +172,13 @@ class EventWriter:
                     self._attempt(self._prune)
                 pruning = self._removed >= PRUNE_AT_ONCE
                 continue
-            if self._attempt(lambda batch=batch: self._store(batch)):  # type: ignore[misc]
+            if self._attempt(lambda batch=batch: self._store_what_can_be(batch)):  # type: ignore[misc]
                 with self._wake:
                     self._batches.popleft()
                     self._waiting -= batch.rows
                     self._ill = False
-                    batch.finish(written=True)
-                self._observer.events_written(len(batch.entries))
+                    batch.finish(written=not batch.refused)
+                self._observer.events_written(max(len(batch.entries) - batch.refused, 0))
                 self._observer.events_waiting(self._waiting)
                 continue
             with self._wake:
@@ -194,10 +197,9 @@ class EventWriter:
         for _ in range(2):
             try:
                 work()
-            except (sqlite3.Error, OSError, ValueError, TypeError) as error:
+            except (sqlite3.Error, OSError) as error:
                 self._drop()
-                # What is in the file and cannot be understood is damage too.
-                damaged = is_corrupt(error) or isinstance(error, (ValueError, TypeError))
+                damaged = is_corrupt(error)
                 self._tell("corrupt" if damaged else "unwritable", error)
                 if not damaged or not self._move_aside():
                     return False
@@ -207,6 +209,28 @@ class EventWriter:
                 self._told = ""
                 return True
         return False
+
+    def _store_what_can_be(self, batch: _Batch) -> None:
+        """Write the batch; rows that no file would take are set aside, the others written."""
+        try:
+            self._store(batch)
+        except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+            if not is_refused(error):
+                raise
+            parts = batch.parts()
+            if len(parts) > 1:
+                for part in parts:
+                    self._store_what_can_be(part)
+                    batch.refused += part.refused
+                return
+            batch.refused = max(batch.rows, 1)
+            self._observer.event_problem("refused", batch.refused)
+            log.error(  # noqa: TRY400 - the line says it all
+                "event log %s: %s cannot be written and will not be tried again: %s",
+                self._path,
+                batch.name,
+                ascii(str(error)),
+            )
 
     def _start(self) -> None:
         self._log = self._open_log(self._path, True)
@@ -289,6 +313,23 @@ class _Batch:
         self.rows = len(entries) + len(notes)
         self.done = threading.Event()
         self.written = False
+        self.refused = 0
+        """Rows whose values are such that they can never be written."""
+
+    def parts(self) -> list[_Batch]:
+        """One for each row."""
+        return [
+            *(_Batch((one,)) for one in self.entries),
+            *(_Batch((), notes=(one,)) for one in self.notes),
+            *(_Batch((), sent=(one,)) for one in self.sent),
+        ]
+
+    @property
+    def name(self) -> str:
+        """What it holds, for people."""
+        ids = [f"{one.event.roi}/{one.event.id}" for one in self.entries]
+        ids += [f"{type(one).__name__} of {one.roi}" for one in self.notes]
+        return ", ".join(ids) or "news of what was published"
 
     def finish(self, *, written: bool) -> None:
         """Tell who waits."""

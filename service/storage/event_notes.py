@@ -5,17 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import StrEnum
 from sqlite3 import Connection
 from typing import ClassVar
 
-
-class Says(StrEnum):
-    """What an operator says of an alarm."""
-
-    TRUE = "true"
-    FALSE = "false"
-    UNSURE = "unsure"
+from lumpwatch.service.protocol import Says as Says
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from lumpwatch.service.core import Alarm, AlarmClass, Change, Decision, Detection, Transition
-from lumpwatch.service.protocol import Latency
+from lumpwatch.service.protocol import COMMANDS, Latency
 from lumpwatch.service.telemetry.frames import BUCKETS, FrameMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.records import RecordMetrics
@@ -116,8 +116,8 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
             self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
             self._blind.labels(camera, roi).set(1)
-            for request in ("ack", "reset", "shelve", "unshelve", "service", "suppress", "verdict"):
-                self._refused.labels(camera, roi, request)
+            for command in COMMANDS:
+                self._refused.labels(camera, roi, command)
             for alarm_class in AlarmClass:
                 for change in Change:
                     self._transitions.labels(camera, roi, alarm_class.value, change.value)

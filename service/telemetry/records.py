@@ -15,7 +15,7 @@ class RecordMetrics:
         )
         self._event_problems = Counter(
             "lumpwatch_event_log_problems",
-            "Trouble with the event log; reason is corrupt, unwritable, late (slow disk) or lost.",
+            "Trouble with the event log; reason is corrupt, unwritable, late (slow disk), lost or refused (set aside).",
             ("camera", "reason"),
             registry=registry,
         )
@@ -70,7 +70,7 @@ class RecordMetrics:
             self._evidence_problems.labels(camera, reason)
         for reason in ("age", "space"):
             self._evidence_removed.labels(camera, reason)
-        for reason in ("corrupt", "unwritable", "late", "lost"):
+        for reason in ("corrupt", "unwritable", "late", "lost", "refused"):
             self._event_problems.labels(camera, reason)
 
     def events_written(self, count: int) -> None:

@@ -8,11 +8,12 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
 
-from lumpwatch.service.bus.access import COMMANDS, INTERNAL, READABLE, SIGNALS, access_control
+from lumpwatch.service.bus.access import INTERNAL, READABLE, access_control
 from lumpwatch.service.bus.client import Bus
 from lumpwatch.service.bus.errors import BusError
 from lumpwatch.service.bus.keys import Keys, Kind
@@ -20,6 +21,7 @@ from lumpwatch.service.bus.session import open_client, open_hub
 from lumpwatch.service.config import load_config, parse_config
 from lumpwatch.service.config.bus import AccessConfig, BusConfig, TlsConfig
 from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.protocol import COMMANDS
 from tests.bus.test_bus_support import eventually, free_endpoint
 from tests.service_helpers import site_tree
 
@@ -27,8 +29,8 @@ SCRIPT = Path(__file__).parents[2] / "deploy" / "security" / "certificates.sh"
 KEYS = Keys("north-pit")
 ALARM, ACK, SUPPRESS = (
     KEYS.alarm("crusher-1", "apron"),
-    KEYS.ack("crusher-1", "apron"),
-    KEYS.suppress("crusher-1", "apron"),
+    KEYS.command("crusher-1", "apron", "ack"),
+    KEYS.command("crusher-1", "apron", "suppress"),
 )
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
@@ -57,7 +59,9 @@ def endpoint() -> str:
 @pytest.fixture(scope="module")
 def hub(site: dict[str, TlsConfig], endpoint: str) -> Iterator[Bus]:
     access = AccessConfig(operators=("anna",), plants=("plc",))
-    with open_hub(BusConfig(listen=(endpoint,), tls=site["lumpwatch"], access=access)) as bus:
+    with open_hub(
+        BusConfig(listen=(endpoint,), tls=site["lumpwatch"], access=access), COMMANDS.values()
+    ) as bus:
         yield bus
 
 
@@ -182,12 +186,34 @@ def test_only_plant_control_suppresses(
 
 
 def test_every_kind_of_key_has_its_readers_or_senders() -> None:
-    assert sorted([*READABLE, *COMMANDS, *SIGNALS, *INTERNAL]) == sorted(Kind)
+    assert sorted([*READABLE, *INTERNAL]) == sorted(Kind)
+
+
+def test_commands_may_be_given_by_their_role_alone() -> None:
+    rules: Any = access_control(AccessConfig(operators=("anna",), plants=("plc",)), COMMANDS.values())
+    may = {
+        rule["id"]: {one.rpartition("/")[2] for one in rule["key_exprs"]} - {"**"} for rule in rules["rules"]
+    }
+    assert may["command"] == {"ack", "reset", "shelve", "unshelve", "service", "verdict", "proof"}
+    assert may["signal"] == may["put"] == {"suppress"}
+    assert {"evidence", "prior", "alarm", "state"} < may["read"]
+    assert not may["read"] & (may["command"] | may["signal"])
+    granted = {tuple(one["subjects"]): one["rules"] for one in rules["policies"]}
+    assert granted[("operators",)] == ["command"]
+    assert granted[("plants",)] == ["signal", "put"]
+    assert granted[("everyone",)] == ["read", "receive"]
+
+
+def test_a_hub_that_knows_no_commands_lets_nobody_give_any() -> None:
+    rules: Any = access_control(AccessConfig(operators=("anna",)), ())
+    assert [one["id"] for one in rules["rules"]] == ["everything", "read", "receive"]
+    assert [one["subjects"] for one in rules["policies"]] == [["everyone"], ["daemons"]]
 
 
 def test_zenoh_takes_the_access_control_without_operators_too() -> None:
     settings = zenoh.Config()
-    settings.insert_json5("access_control", json.dumps(access_control(AccessConfig())))
+    rules = access_control(AccessConfig(), COMMANDS.values())
+    settings.insert_json5("access_control", json.dumps(rules))
     assert "operators" not in settings.get_json("access_control")
 
 

@@ -23,14 +23,14 @@ def test_keys_are_those_of_the_contract() -> None:
     assert keys.heartbeat("c1") == "lumpwatch/v1/north-pit/c1/heartbeat"
     assert keys.state("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/state"
     assert keys.alarm("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/alarm"
-    assert keys.ack("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/ack"
+    assert keys.command("c1", "apron", "ack") == "lumpwatch/v1/north-pit/c1/apron/ack"
     assert keys.level("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/level"
-    assert keys.reset("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/reset"
-    assert keys.shelve("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/shelve"
-    assert keys.unshelve("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/unshelve"
-    assert keys.service("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/service"
-    assert keys.suppress("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/suppress"
-    assert keys.prior("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/prior"
+    assert keys.command("c1", "apron", "reset") == "lumpwatch/v1/north-pit/c1/apron/reset"
+    assert keys.command("c1", "apron", "shelve") == "lumpwatch/v1/north-pit/c1/apron/shelve"
+    assert keys.command("c1", "apron", "unshelve") == "lumpwatch/v1/north-pit/c1/apron/unshelve"
+    assert keys.command("c1", "apron", "service") == "lumpwatch/v1/north-pit/c1/apron/service"
+    assert keys.command("c1", "apron", "suppress") == "lumpwatch/v1/north-pit/c1/apron/suppress"
+    assert keys.command("c1", "apron", "prior") == "lumpwatch/v1/north-pit/c1/apron/prior"
     assert keys.shadow("c1", "apron") == "lumpwatch/v1/north-pit/c1/apron/shadow"
     assert keys.alive("camera", "c1") == "lumpwatch/v1/north-pit/@alive/camera/c1"
 
@@ -55,7 +55,6 @@ def test_a_selector_matches_keys_of_its_own_kind_only() -> None:
         Kind.ALARM: keys.alarms(),
         Kind.LEVEL: keys.levels(),
         Kind.TEST: keys.tests(),
-        Kind.EVIDENCE: keys.all_evidence(),
     }
     of = {kind: KEY_OF[kind].format(site="s", camera="c", roi="r", role="camera", name="c") for kind in Kind}
     for kind, selector in (*selectors.items(), *((one, on_every_site(one)) for one in Kind)):
@@ -71,11 +70,8 @@ def test_parse_is_the_reverse(site: str, one: str, two: str) -> None:
     assert parse(keys.heartbeat(one)) == Address(site, Kind.HEARTBEAT, camera=one)
     assert parse(keys.state(one, two)) == Address(site, Kind.STATE, camera=one, roi=two)
     assert parse(keys.alarm(one, two)) == Address(site, Kind.ALARM, camera=one, roi=two)
-    assert parse(keys.ack(one, two)) == Address(site, Kind.ACK, camera=one, roi=two)
-    for kind in (Kind.LEVEL, Kind.RESET, Kind.SHELVE, Kind.UNSHELVE, Kind.SERVICE, Kind.SUPPRESS):
-        assert parse(getattr(keys, kind.value)(one, two)) == Address(site, kind, camera=one, roi=two)
+    assert parse(keys.level(one, two)) == Address(site, Kind.LEVEL, camera=one, roi=two)
     assert parse(keys.shadow(one, two)) == Address(site, Kind.SHADOW, camera=one, roi=two)
-    assert parse(keys.prior(one, two)) == Address(site, Kind.PRIOR, camera=one, roi=two)
     assert parse(keys.alive(one, two)) == Address(site, Kind.ALIVE, role=one, name=two)
 
 

@@ -18,7 +18,7 @@ from lumpwatch.service.bus.session import open_client, open_hub
 from tests.bus.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config, repeat
 
 KEYS = Keys("north")
-STATE, ALARM, ACK = KEYS.state("c", "r"), KEYS.alarm("c", "r"), KEYS.ack("c", "r")
+STATE, ALARM, ACK = KEYS.state("c", "r"), KEYS.alarm("c", "r"), KEYS.command("c", "r", "ack")
 
 
 @pytest.fixture
@@ -196,7 +196,7 @@ def test_a_query_and_its_answer(one: Bus, two: Bus) -> None:
     two.serve(ACK, acknowledge)
     eventually(lambda: one.ask(ACK) == [Reply(ACK, b"done")])
     assert one.ask(ACK, {"by": "Zoë; a=b", "note": ""}, b"") == [Reply(ACK, b"done")]
-    assert one.ask(KEYS.ack("c", "r"), payload=b"\x00\xff") == [Reply(ACK, b"done")]
+    assert one.ask(KEYS.command("c", "r", "ack"), payload=b"\x00\xff") == [Reply(ACK, b"done")]
     assert seen[-3:] == [({}, None), ({"by": "Zoë; a=b", "note": ""}, b""), ({}, b"\x00\xff")]
 
 

@@ -484,7 +484,7 @@ def test_moments() -> None:
 
 
 def test_out_of_service_needs_a_reason(capsys: Captured, config: Path) -> None:
-    assert "needs --reason" in failed(capsys, "service", config, "out", *OF, code=2)
+    assert "service: reason: " in failed(capsys, "service", config, "out", *OF, code=2)
 
 
 def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:

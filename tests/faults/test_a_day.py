@@ -130,7 +130,15 @@ def test_a_day_in_flat_memory(hub: str, tmp_path: Path, record: Record) -> None:
         open_client(client_config(hub)) as other,
     ):
         outside = Outside(other, states=False)
-        announcer = Announcer("test", config, bus, events, metrics, "boot", clock.clocks)
+        announcer = Announcer(
+            site="test",
+            camera=config,
+            bus=bus,
+            events=events,
+            metrics=metrics,
+            clock="boot",
+            clocks=clock.clocks,
+        )
         pipeline = CameraPipeline(config, {"apron": prior()}, observer=metrics)
         life = Life(clock, camera, bus, events, registry, announcer, pipeline)
         began = time.monotonic()

@@ -148,7 +148,7 @@ class Lumps:
         return began, arrived - began
 
     def acknowledge(self, of: str = CAM) -> None:
-        assert self.outside.act(KEYS.ack(of, ROI), actor="Ada")["acknowledged"]
+        assert self.outside.act(KEYS.command(of, ROI, "ack"), actor="Ada")["acknowledged"]
 
 
 @dataclass
@@ -473,7 +473,7 @@ def test_the_wall_clock_is_stepped(tmp_path: Path, record: Record) -> None:
         assert abs(wrong_by(site)) < 10
         for name, offset in (("forward", HOUR_S), ("back", -HOUR_S)):
             began = time.monotonic()
-            outside.act(KEYS.shelve(CAM, ROI), actor="Ada", reason="step", for_s="3")
+            outside.act(KEYS.command(CAM, ROI, "shelve"), actor="Ada", reason="step", for_s="3")
             clock.step(offset)
             time.sleep(2.0)  # libfaketime looks once a second
             assert outside.since(CAM, 0.0)[-1].alarm == "SHELVED"

@@ -234,19 +234,25 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
 
         # The plant: by a put that is not repeated, so the suppression ends by itself.
         with open_client(as_client(load_config(site.daemon.config).bus)) as plant:
-            plant.publisher(KEYS.suppress("cam", "apron")).put(b'{"signal": "feeder", "valid_s": 1.5}')
+            plant.publisher(KEYS.command("cam", "apron", "suppress")).put(
+                b'{"signal": "feeder", "valid_s": 1.5}'
+            )
             site.wait_alarm("SUPPRESSED")
             site.wait_alarm("UNACKNOWLEDGED")
-            plant.publisher(KEYS.suppress("cam", "apron")).put(b"nonsense")
+            plant.publisher(KEYS.command("cam", "apron", "suppress")).put(b"nonsense")
             wait_for(
                 "counted",
                 lambda: site.daemon.metric("lumpwatch_requests_refused_total", reason="suppress") == 1,
                 10,
             )
-        (reply,) = site.bus.ask(KEYS.suppress("cam", "apron"), {"signal": "feeder", "valid_s": "60"})
+        (reply,) = site.bus.ask(
+            KEYS.command("cam", "apron", "suppress"), {"signal": "feeder", "valid_s": "60"}
+        )
         assert reply.payload is not None
         assert json.loads(reply.payload)["changes"] == ["suppressed"]
-        (reply,) = site.bus.ask(KEYS.suppress("cam", "apron"), {"signal": "feeder", "valid_s": "0"})
+        (reply,) = site.bus.ask(
+            KEYS.command("cam", "apron", "suppress"), {"signal": "feeder", "valid_s": "0"}
+        )
         assert reply.payload is not None
         assert json.loads(reply.payload)["changes"] == ["unsuppressed", "raised"]
 
@@ -263,9 +269,13 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
 
         # What cannot be done is said in one line.
         for key, parameters, told in (
-            (KEYS.ack("cam", "apron"), {}, "actor: is missing"),
-            (KEYS.shelve("cam", "apron"), {"actor": "Ada", "reason": "x", "for_s": "3601"}, "at most 3600"),
-            (KEYS.service("cam", "apron"), {"actor": "Ada", "state": "off"}, "neither in nor out"),
+            (KEYS.command("cam", "apron", "ack"), {}, "actor: is missing"),
+            (
+                KEYS.command("cam", "apron", "shelve"),
+                {"actor": "Ada", "reason": "x", "for_s": "3601"},
+                "at most 3600",
+            ),
+            (KEYS.command("cam", "apron", "service"), {"actor": "Ada", "state": "off"}, "state: "),
         ):
             (reply,) = site.bus.ask(key, parameters)
             assert reply.error is not None

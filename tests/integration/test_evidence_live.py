@@ -28,7 +28,7 @@ def raise_alarm(site: Site, number: int) -> dict[str, Any]:
     site.feed.bright = True
     site.wait_alarm("UNACKNOWLEDGED")
     wait_for("written", lambda: site.daemon.metric("lumpwatch_evidence_written_total") == number, 60)
-    ask(site, KEYS.ack("cam", "apron"), {"actor": "Ada"})
+    ask(site, KEYS.command("cam", "apron", "ack"), {"actor": "Ada"})
     site.feed.bright = False
     site.wait_alarm("NORMAL")
     raised = [one for one in site.follower.records() if one["data"]["change"] == "raised"]
@@ -72,18 +72,18 @@ def test_from_the_alarm_to_the_report(tmp_path: Path) -> None:
 
         # Verdicts, changed once, one by evidence and one by the sequence of a later record of the alarm.
         said = {"actor": "Ada", "verdict": "false"}
-        ask(site, KEYS.verdict("cam", "apron"), said | {"evidence": name})
+        ask(site, KEYS.command("cam", "apron", "verdict"), said | {"evidence": name})
         told = site.command("verdict", *WHERE, "true", "--by", "Ada", "--evidence", name, "--note", "it was")
         assert told == f"cam/apron alarm {first['data']['sequence']}: true\n"
         later = str(second["data"]["sequence"] + 1)
-        judged = ask(site, KEYS.verdict("cam", "apron"), said | {"alarm": later})
+        judged = ask(site, KEYS.command("cam", "apron", "verdict"), said | {"alarm": later})
         assert judged == {
             "verdict": "false",
             "sequence": second["data"]["sequence"],
             "alarm": second["id"],
             "written": True,
         }
-        (refused,) = site.bus.ask(KEYS.verdict("cam", "apron"), said | {"alarm": "999"})
+        (refused,) = site.bus.ask(KEYS.command("cam", "apron", "verdict"), said | {"alarm": "999"})
         assert refused.error == "alarm: the event log knows no lump alarm 999"
         assert site.daemon.metric("lumpwatch_evidence_problems_total") == 0
     # The daemon is down: what it watched, and what was said, is in the log.

@@ -89,7 +89,15 @@ def announcer(world: World, now: Now | None = None) -> Announcer:
     metrics = MonitorMetrics(CollectorRegistry(), "cam", ("apron",))
     bus: Any = world
     events: Any = world
-    return Announcer("pit", camera(), bus, events, metrics, "boot", now or Now())
+    return Announcer(
+        site="pit",
+        camera=camera(),
+        bus=bus,
+        events=events,
+        metrics=metrics,
+        clock="boot",
+        clocks=now or Now(),
+    )
 
 
 def test_an_alarm_is_in_the_log_before_it_is_on_the_bus() -> None:

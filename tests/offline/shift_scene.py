@@ -24,9 +24,24 @@ def event(
 ) -> Event:
     """`at_s` seconds after BEGIN_S."""
     return Event(
-        BEGIN_S + at_s, 500.0 + at_s, clock, "cam", roi, alarm_class, change, "", "", actor, None, 0.95,
-        sequence, f"id-{sequence:06d}", sequence, alarm, dict(details),
-    )  # fmt: skip
+        time_s=BEGIN_S + at_s,
+        monotonic_s=500.0 + at_s,
+        clock=clock,
+        camera="cam",
+        roi=roi,
+        alarm_class=alarm_class,
+        change=change,
+        before="",
+        after="",
+        actor=actor,
+        reason=None,
+        existence=0.95,
+        frame=sequence,
+        id=f"id-{sequence:06d}",
+        sequence=sequence,
+        alarm=alarm,
+        details=dict(details),
+    )
 
 
 def entry(*arguments: object, **more: object) -> Entry:

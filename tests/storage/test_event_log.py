@@ -67,9 +67,23 @@ def event(
     reason: str | None = None,
 ) -> Event:
     return Event(
-        WALL_S + sequence, 100.0 + sequence, "boot", "cam", roi, alarm_class, "raised", "NORMAL",
-        "UNACKNOWLEDGED", "Ada", reason, 0.97, 40 + sequence, f"id-{sequence:06d}", sequence, alarm,
-    )  # fmt: skip
+        time_s=WALL_S + sequence,
+        monotonic_s=100.0 + sequence,
+        clock="boot",
+        camera="cam",
+        roi=roi,
+        alarm_class=alarm_class,
+        change="raised",
+        before="NORMAL",
+        after="UNACKNOWLEDGED",
+        actor="Ada",
+        reason=reason,
+        existence=0.97,
+        frame=40 + sequence,
+        id=f"id-{sequence:06d}",
+        sequence=sequence,
+        alarm=alarm,
+    )
 
 
 def entry(sequence: int, alarm: Alarm = WAITING, reason: str | None = None) -> Entry:

@@ -11,16 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from prometheus_client import CollectorRegistry
 
 from lumpwatch.models.jdt.density import GridDensity
 from lumpwatch.models.state import Y
-from lumpwatch.service.monitor.prior_watch import PriorWatch
 from lumpwatch.service.storage.atomic import replace_file, write_new_file
 from lumpwatch.service.storage.prior_file import PriorError, encode_prior
 from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
 from lumpwatch.service.storage.versions import StoreError
-from lumpwatch.service.telemetry import MonitorMetrics
 from tests.service_helpers import learned, prior, same
 
 
@@ -256,80 +253,3 @@ def test_a_killed_save_never_leaves_a_version_that_cannot_be_read(tmp_path: Path
         for stored_version in store.versions("cam", "apron"):
             store.load("cam", "apron", stored_version)
     assert store.save(prior(source="last")).version == store.pointer("cam", "apron")
-
-
-# Watching for new priors
-
-
-def watch(store: PriorStore, poll_s: float = 1.0) -> tuple[PriorWatch, CollectorRegistry]:
-    registry = CollectorRegistry()
-    metrics = MonitorMetrics(registry, "cam", ("apron",))
-    return PriorWatch(store, "cam", poll_s, metrics), registry
-
-
-def problems(registry: CollectorRegistry) -> float | None:
-    labels = {"camera": "cam", "roi": "apron", "reason": "unreadable"}
-    return registry.get_sample_value("lumpwatch_prior_problems_total", labels)
-
-
-def version(found: Found | None) -> int | None:
-    return None if found is None or found.prior is None else found.prior.version
-
-
-def test_a_new_prior_is_seen_once(tmp_path: Path) -> None:
-    store = PriorStore(tmp_path)
-    watching, registry = watch(store)
-    assert watching.first("apron") is None
-    assert watching.look("apron", 10.0) is None
-    store.save(prior())
-    assert watching.look("apron", 10.9) is None  # looked less than poll_s ago
-    assert version(watching.look("apron", 11.0)) == 1
-    assert watching.look("apron", 20.0) is None
-    store.save(prior())
-    store.use("cam", "apron", 1)
-    assert watching.look("apron", 30.0) is None
-    store.use("cam", "apron", 2)
-    assert version(watching.look("apron", 40.0)) == 2
-    assert problems(registry) is None
-
-
-def test_going_back_to_the_defaults_is_seen(tmp_path: Path) -> None:
-    store = stored(tmp_path, "a")
-    watching, registry = watch(store)
-    assert watching.first("apron") is not None
-    store.use_defaults("cam", "apron")
-    assert watching.look("apron", 10.0) == Found(None)
-    assert watching.look("apron", 20.0) is None
-    store.use("cam", "apron", 1)
-    assert version(watching.look("apron", 30.0)) == 1
-    assert problems(registry) is None
-
-
-def test_a_damaged_prior_is_counted_and_passed_over(tmp_path: Path) -> None:
-    store = stored(tmp_path, "a", "b")
-    _damage(store, 2)
-    watching, registry = watch(store)
-    first = watching.first("apron")
-    assert first is not None
-    assert first.version == 1
-    assert problems(registry) == 1.0
-
-
-def test_a_store_that_cannot_be_read_is_counted(tmp_path: Path) -> None:
-    folder = PriorStore(tmp_path).folder("cam", "apron")
-    folder.parent.mkdir(parents=True)
-    folder.write_text("not a folder")
-    watching, registry = watch(PriorStore(tmp_path))
-    assert watching.first("apron") is None
-    assert problems(registry) == 1.0
-
-
-def test_version_and_age_are_measured(tmp_path: Path) -> None:
-    watching, registry = watch(PriorStore(tmp_path))
-    kept = prior(version=4)
-    labels = {"camera": "cam", "roi": "apron"}
-    watching.measure("apron", kept, kept.meta.created.timestamp() + 90.0)
-    assert registry.get_sample_value("lumpwatch_prior_version", labels) == 4
-    assert registry.get_sample_value("lumpwatch_prior_age_seconds", labels) == pytest.approx(90.0)
-    watching.measure("apron", None, 1e9)
-    assert registry.get_sample_value("lumpwatch_prior_version", labels) == 0

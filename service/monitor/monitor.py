@@ -1,0 +1,332 @@
+"""The main loop of a monitor: takes frames, decides, announces, answers, and lets nothing else hold it up.
+
+It reads no clock but the one that it is given, and knows the bus, the log and the daemon as what is handed to
+it, so that tests drive it without a process.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+from lumpwatch.service.bus import Bus, Keys
+from lumpwatch.service.config import SiteConfig
+from lumpwatch.service.core import (
+    Act,
+    Alarm,
+    AlarmClass,
+    Changed,
+    Clocks,
+    Frame,
+    RoiResult,
+    Rules,
+    StreamClock,
+    Trouble,
+)
+from lumpwatch.service.detection import CameraPipeline
+from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.evidence import EvidenceKeeper
+from lumpwatch.service.monitor.announcer import Announcer
+from lumpwatch.service.monitor.artifacts import ArtifactWatcher, NewPrior, NewReference, NewShadow
+from lumpwatch.service.monitor.command_server import CommandServer
+from lumpwatch.service.monitor.heartbeat import LastDecision, heartbeat
+from lumpwatch.service.monitor.proof.chain import Site
+from lumpwatch.service.monitor.shadow_desk import ShadowDesk
+from lumpwatch.service.monitor.verdict_handler import verdict_handler
+from lumpwatch.service.protocol import EvidenceRequest, PriorRequest, ProofRequest, ProofResult
+from lumpwatch.service.storage import (
+    EventWriter,
+    Prior,
+    PriorStore,
+    ReferenceStore,
+    encode_prior,
+    event_file,
+)
+from lumpwatch.service.telemetry import MonitorMetrics, WorkerLink
+
+log = logging.getLogger(__name__)
+
+HEARTBEAT_S = 1.0
+LOOK_EVERY_S = 0.25
+"""How often states are decided and published while no frame comes."""
+
+
+class Proofs(Protocol):
+    """The proof tests of the camera."""
+
+    def troubles(self, roi: str) -> dict[Trouble, bool]:
+        """What they have to say to the system alarm of a ROI."""
+
+    def look(self) -> None:
+        """Start a test where one is due."""
+
+    def test(self, roi: str, actor: str) -> ProofResult:
+        """Test one ROI now; raises LumpwatchError where that cannot be."""
+
+
+class Monitor:
+    """One camera's monitor; `run` is its main loop."""
+
+    def __init__(
+        self,
+        *,
+        config: SiteConfig,
+        camera_id: str,
+        bus: Bus,
+        link: WorkerLink,
+        metrics: MonitorMetrics,
+        events: EventWriter,
+        evidence: EvidenceKeeper,
+        make_proofs: Callable[[Site], Proofs],
+        clock: str,
+        clocks: Callable[[], Clocks],
+    ) -> None:
+        """`clock` names this host's monotonic clock, `clocks` tells the time."""
+        self._site = config.site
+        self._camera = config.camera(camera_id)
+        self._bus = bus
+        self._link = link
+        self._metrics = metrics
+        self._evidence = evidence
+        self._clocks = clocks
+        self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
+        self._rois = tuple(roi.id for roi in self._camera.rois)
+        store = PriorStore(config.store.path, config.store.keep_priors)
+        self._artifacts = ArtifactWatcher(
+            camera=camera_id,
+            rois=self._rois,
+            priors=store,
+            references=ReferenceStore(config.store.path, config.store.keep_priors),
+            poll_s=config.store.poll_s,
+            metrics=metrics,
+        )
+        found, at = self._artifacts.first(), clocks()
+        self._pipeline = CameraPipeline(
+            self._camera,
+            {one.roi: one.prior for one in found if isinstance(one, NewPrior)},
+            observer=metrics,
+            alarms=events.alarms(at.monotonic_s, at.wall_s, clock),
+            reference=next((one.reference for one in found if isinstance(one, NewReference)), None),
+        )
+        self._shadows = ShadowDesk(
+            site=config.site,
+            camera=self._camera,
+            store=store,
+            bus=bus,
+            metrics=metrics.shadows,
+            clocks=clocks,
+        )
+        self._run_shadows(tuple(one for one in found if isinstance(one, NewShadow)))
+        self._keys = Keys(config.site)
+        self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
+        self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
+        self._proofs = make_proofs(self._watched())
+        self._announcer = Announcer(
+            site=config.site,
+            camera=self._camera,
+            bus=bus,
+            events=events,
+            metrics=metrics,
+            clock=clock,
+            clocks=clocks,
+            evidence=evidence,
+        )
+        judge = verdict_handler(event_file(config.store.path, camera_id), events, lambda: clocks().wall_s)
+        self._commands = CommandServer(
+            alarms=self,
+            others={
+                "verdict": judge,
+                "evidence": self._show_evidence,
+                "prior": self._show_prior,
+                "proof": self._prove,
+            },
+            refused=metrics.refused,
+        )
+        self._decisions: dict[str, RoiResult] = {}
+        self._decided_s: dict[str, float] = {}
+        self._far_clock = StreamClock()  # of a camera process on another host
+        self._told_skipped = 0
+        self._told_malformed: dict[str, int] = {}
+        self._beats = 0
+        self._looked_s = self._beat_s = 0.0
+
+    def run(self) -> None:
+        """Until the link says stop."""
+        self._announcer.send_again()
+        self._tell_troubles()
+        self._publish(self._pipeline.look(self._now()))
+        self._commands.serve(self._bus, self._keys, self._camera.id, self._rois)
+        self._bus.alive(self._keys.alive("monitor", self._camera.id))
+        self._artifacts.start()
+        while not self._link.stop.is_set():
+            self._link.beat()
+            frame = self._take()
+            now = self._now()
+            with self._lock:
+                self._adopt()
+                results = self._decide(frame, now)
+                if not results and now - self._looked_s >= LOOK_EVERY_S:
+                    self._publish(self._pipeline.look(now))
+                    self._evidence.tick(now)
+                    self._looked_s = now
+                if now - self._beat_s >= HEARTBEAT_S:
+                    self._beat(now)
+                    self._beat_s = now
+            # Behind everything else and outside the lock: what a shadow does can only be late.
+            self._shadows.follow(results, self._now() - now)
+        self._artifacts.close()
+        with self._lock:
+            self._announcer.close()
+        self._shadows.close()
+
+    def act(self, roi: str, alarm_class: AlarmClass, act: Act) -> tuple[RoiResult, int]:
+        """Do something to an alarm now; the result, and the sequence of the ROI's last record.
+
+        Raises AlarmRequestError where it is not allowed, or cannot be recorded; the alarm is as before then.
+        """
+        with self._lock:
+            shown = self._decisions[roi]
+
+            def recordable(alarm: Alarm, rules: Rules, time_s: float) -> Changed:
+                changed = act(alarm, rules, time_s)
+                self._announcer.check(shown, alarm_class, changed)
+                return changed
+
+            result = self._pipeline.act(roi, alarm_class, recordable, self._now())
+            self._publish((result,))
+            return result, self._announcer.sequence(roi)
+
+    def _now(self) -> float:
+        return self._clocks().monotonic_s
+
+    def _watched(self) -> Site:
+        """What a proof test may know of this chain."""
+        return Site(
+            size=lambda: self._pipeline.size,
+            prior=self._prior,
+            decision=lambda roi: self._decisions[roi].decision,
+            stopped=self._link.stop.wait,
+        )
+
+    def _prior(self, roi: str) -> Prior | None:
+        with self._lock:
+            return self._pipeline.prior(roi)
+
+    def _show_prior(self, roi: str, _: PriorRequest) -> bytes:
+        prior = self._prior(roi)
+        if prior is None:
+            raise LumpwatchError(f"roi {roi} runs on the stated defaults, it has no prior")
+        return encode_prior(prior)
+
+    def _show_evidence(self, roi: str, asked: EvidenceRequest) -> bytes:
+        return self._evidence.handler(roi)(asked)
+
+    def _prove(self, roi: str, asked: ProofRequest) -> bytes:
+        return self._proofs.test(roi, asked.actor).line()
+
+    def _take(self) -> Frame | None:
+        """The newest frame, with its times on the clock of this host."""
+        frame = self._inbox.take(LOOK_EVERY_S)
+        if frame is None or self._inbox.same_clock:
+            return frame
+        received = self._far_clock.stamp(frame.received_s, self._now()).capture_s
+        return replace(frame, received_s=received, capture_s=received - (frame.received_s - frame.capture_s))
+
+    def _decide(self, frame: Frame | None, now: float) -> tuple[RoiResult, ...]:
+        """Filter and announce; nothing for a frame that is not newer, or that does not fit."""
+        if frame is None:
+            return ()
+        try:
+            self._evidence.before(frame, self._pipeline)
+            results = self._pipeline.process(frame, now)
+            self._evidence.after(frame, now, results)
+            self._link.state = "running"  # kernels are compiled in the first step
+            self._publish(results)
+        except LumpwatchError as error:
+            log.error("%s", error)  # noqa: TRY400 - the line says it all
+            self._metrics.dropped("unfit")
+            return ()
+        return results
+
+    def _publish(self, results: tuple[RoiResult, ...]) -> None:
+        self._announcer.announce(results)
+        for result in results:
+            if result.decided and result.frame is not None and result.detection is not None:
+                now = self._now()
+                self._decided_s[result.roi] = self._link.decided[result.roi] = now
+                self._metrics.decided(result.roi, now - result.frame.received_s, result.detection)
+                self._pipeline.trouble(result.roi, Trouble.LATENCY, present=self._announcer.late(result.roi))
+            self._metrics.picture.judged(result.roi, result.reason, result.quality)
+            self._tell_change(result)
+            self._decisions[result.roi] = result
+
+    def _tell_change(self, result: RoiResult) -> None:
+        before = self._decisions.get(result.roi)
+        if before is None or before.decision is not result.decision:
+            reason = f" ({result.reason.value})" if result.reason else ""
+            log.info("%s/%s: %s%s", self._camera.id, result.roi, result.decision.value, reason)
+
+    def _adopt(self) -> None:
+        """Use what was found in the store."""
+        for found in self._artifacts.take():
+            match found:
+                case NewPrior(roi, prior):
+                    self._pipeline.use_prior(roi, prior)
+                    self._evidence.restart()  # a clip is to be replayed with one prior
+                case NewReference(reference):
+                    self._pipeline.use_reference(reference)
+                case NewShadow():
+                    self._run_shadows((found,))
+
+    def _run_shadows(self, found: tuple[NewShadow, ...]) -> None:
+        for one in found:
+            used = self._pipeline.prior(one.roi)
+            self._shadows.take(one, used.version if used else 0)
+
+    def _beat(self, now: float) -> None:
+        """Once a second."""
+        self._send_heartbeat(now)
+        self._announcer.confirm()
+        self._count_inbox()
+        self._measure()
+        self._shadows.tell(now)
+        self._proofs.look()
+        self._tell_troubles()
+
+    def _send_heartbeat(self, now: float) -> None:
+        self._beats += 1
+        rois = {
+            roi: LastDecision(result.decision, self._decided_s.get(roi))
+            for roi, result in self._decisions.items()
+        }
+        clocks = Clocks(now, self._clocks().wall_s)
+        beat = heartbeat(self._site, self._camera.id, self._beats, rois, self._camera.blind_after_s, clocks)
+        self._heartbeat.put(beat.line())
+
+    def _count_inbox(self) -> None:
+        if (skipped := self._inbox.skipped - self._told_skipped) > 0:
+            self._metrics.dropped("skipped", skipped)
+            self._told_skipped += skipped
+        for reason, count in dict(self._inbox.malformed).items():
+            new = count - self._told_malformed.get(reason, 0)
+            if new > 0:
+                self._metrics.dropped(f"malformed_{reason}", new)
+                self._told_malformed[reason] = count
+
+    def _measure(self) -> None:
+        """Put versions and age of what is in use into the metrics."""
+        wall_s = self._clocks().wall_s
+        for roi in self._rois:
+            prior = self._pipeline.prior(roi)
+            age_s = 0.0 if prior is None else max(0.0, wall_s - prior.meta.created.timestamp())
+            self._metrics.prior(roi, prior.version if prior else 0, age_s)
+        used, mount = self._pipeline.reference, self._pipeline.quality.mount
+        self._metrics.picture.mounted(used.version if used else 0, mount.shift_px, mount.follows)
+
+    def _tell_troubles(self) -> None:
+        for roi in self._rois:
+            for trouble, present in self._proofs.troubles(roi).items():
+                self._pipeline.trouble(roi, trouble, present=present)
