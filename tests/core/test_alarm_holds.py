@@ -220,6 +220,21 @@ def test_what_nobody_acknowledges_is_announced_again() -> None:
         assert tick_alarm(other, config, 1e9) == (other, ())
 
 
+def test_an_alarm_goes_by_the_present_and_its_delays_by_what_was_seen() -> None:
+    """Frames come 5 s late: the on-delay is that of the frames, all else that of the people who wait."""
+    config = AlarmConfig(on_delay_s=2.0, re_alarm_s=30.0)
+    alarm, made = step_alarm(QUIET, config, 1.0, 105.0, observed_s=100.0)
+    assert made is None
+    alarm, made = step_alarm(alarm, config, 1.0, 107.5, observed_s=101.5)
+    assert made is None  # jitter on the way does not shorten it
+    alarm, made = step_alarm(alarm, config, 1.0, 107.6, observed_s=102.0)
+    assert made is not None
+    assert (made.change, made.time_s, alarm.announced_s) == (Change.RAISED, 107.6, 107.6)
+    assert tick_alarm(alarm, config, 137.5) == (alarm, ())  # by the capture time it would be due
+    _, changes = tick_alarm(alarm, config, 137.7)
+    assert [one.change for one in changes] == [Change.RE_ALARMED]
+
+
 LATCHING = AlarmConfig(on_delay_s=0.0, off_delay_s=0.0, needs_reset=True)
 
 

@@ -29,8 +29,10 @@ from lumpwatch.service.storage.event_log import (
     EventLogError,
     event_file,
     read_events,
+    reading,
 )
 from lumpwatch.service.storage.event_log_writer import EventWriter
+from lumpwatch.service.storage.event_notes import Says, Verdict, verdicts
 from tests.integration.site import wait_for
 
 WALL_S = 1.7e9
@@ -317,6 +319,54 @@ def test_a_damaged_file_is_moved_aside_and_a_new_one_begins(
     assert aside.name == "cam.sqlite.corrupt-20231114T221320"
     assert aside.read_bytes() == damaged
     assert aside.name in caplog.text
+
+
+HALF_A_PAIR = "\ud800"
+
+
+def poisoned(sequence: int) -> Entry:
+    return Entry(event(sequence, reason=HALF_A_PAIR), b"{}")
+
+
+def too_large(sequence: int) -> Entry:
+    return Entry(replace(event(sequence), frame=2**70), b"{}")
+
+
+def without_a_number(sequence: int) -> Entry:
+    return Entry(replace(event(sequence), existence=float("nan")), b"{}")
+
+
+@pytest.mark.parametrize("bad", [poisoned, too_large, without_a_number])
+def test_an_event_that_no_file_would_take_is_set_aside_alone(
+    tmp_path: Path, bad: Callable[[int], Entry], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its error was once taken for damage: the healthy log was moved aside, again and again."""
+    counting = Counting()
+    log = writer(tmp_path, counting)
+    assert log.write([entry(1)])
+    assert not log.write([entry(2), bad(3), entry(4)])
+    assert log.write([entry(5)])
+    log.close()
+    assert sequences(tmp_path) == [1, 2, 4, 5]
+    assert list((tmp_path / "events").glob("*corrupt*")) == []
+    assert counting.problems == {"refused": 1}
+    assert (counting.written, counting.waiting) == (4, 0)
+    assert "apron/id-000003" in caplog.text
+
+
+def test_a_verdict_that_no_file_would_take_holds_up_nothing(tmp_path: Path) -> None:
+    counting = Counting()
+    log = writer(tmp_path, counting)
+    bad = Verdict(WALL_S, "apron", "id-000001", 1, Says.TRUE, HALF_A_PAIR)
+    assert log.write([entry(1)])
+    assert not log.add([bad, replace(bad, actor="Ada")], wait=True)
+    assert log.write([entry(2)])
+    log.close()
+    assert sequences(tmp_path) == [1, 2]
+    with reading(event_file(tmp_path, "cam")) as db:
+        assert [one.actor for one in verdicts(db)] == ["Ada"]
+    assert counting.problems == {"refused": 1}
+    assert list((tmp_path / "events").glob("*corrupt*")) == []
 
 
 def test_two_damaged_files_of_one_second_are_both_kept(tmp_path: Path) -> None:
