@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from lumpwatch.service.bus.client import Bus
-from lumpwatch.service.bus.endpoints import Reply, from_wire, to_wire
+from lumpwatch.service.bus.endpoints import Reply, Service, from_wire, to_wire
 from lumpwatch.service.bus.errors import BusError
 from lumpwatch.service.bus.keys import Keys
 from lumpwatch.service.bus.ordering import Message
@@ -228,6 +228,74 @@ def test_asking_nobody_and_asking_one_who_does_not_answer(one: Bus, two: Bus) ->
         eventually(lambda: one.ask(ACK, timeout_s=0.2) == [Reply(ACK, error="Timeout")])
     finally:
         release.set()
+
+
+REGION = KEYS.region("c", "r")
+
+
+def test_several_services_are_one_queryable_and_told_apart_by_the_last_part(one: Bus, two: Bus) -> None:
+    def named(name: str) -> Service:
+        return Service(lambda parameters, payload: f"{name} {parameters} {payload!r}".encode(), "lane")
+
+    two.publisher(STATE).put(b"state")
+    before = threading.active_count()
+    two.serve_all(REGION, {"ack": named("ack"), "reset": named("reset")})
+    assert threading.active_count() == before + 1
+    eventually(lambda: one.ask(ACK) == [Reply(ACK, b"ack {} None")])
+    assert one.ask(f"{REGION}/reset", {"by": "Ada"}, b"!") == [
+        Reply(f"{REGION}/reset", b"reset {'by': 'Ada'} b'!'")
+    ]
+    everywhere = KEYS.commands("reset")
+    assert one.ask(everywhere) == [Reply(f"{REGION}/reset", b"reset {} None")]
+    assert one.ask(f"{REGION}/unknown") == []
+    assert one.ask(STATE) == [Reply(STATE, b"state")]  # that of the publisher alone
+    # A wildcard must not be taken for every command at once.
+    assert [reply.key for reply in one.ask(f"{REGION}/*")] == [STATE]
+    assert [reply.key for reply in one.ask(f"{REGION}/**")] == [STATE]
+
+
+def test_a_lane_that_is_busy_holds_up_no_other_and_may_refuse(one: Bus, two: Bus) -> None:
+    began, release = threading.Event(), threading.Event()
+
+    def last(parameters: dict[str, str], payload: bytes | None) -> bytes:
+        began.set()
+        release.wait(30)
+        return b"done"
+
+    proof = f"{REGION}/proof"
+    two.serve_all(
+        REGION, {"ack": Service(lambda *_: b"ok", "short"), "proof": Service(last, "long", waits=False)}
+    )
+    eventually(lambda: one.ask(ACK) == [Reply(ACK, b"ok")])
+    first: list[Reply] = []
+    asking = threading.Thread(target=lambda: first.extend(one.ask(proof, timeout_s=30)))
+    asking.start()
+    try:
+        assert began.wait(10)
+        (refused,) = one.ask(proof)
+        assert refused.payload is None
+        assert "under way" in (refused.error or "")
+        assert one.ask(ACK) == [Reply(ACK, b"ok")]
+    finally:
+        release.set()
+        asking.join(10)
+    assert first == [Reply(proof, b"done")]
+    began.clear()
+    assert one.ask(proof) == [Reply(proof, b"done")]
+
+
+def test_parameters_that_are_not_utf8_are_refused(
+    one: Bus, two: Bus, caplog: pytest.LogCaptureFixture
+) -> None:
+    asked: list[dict[str, str]] = []
+    two.serve(ACK, lambda parameters, _: (asked.append(parameters), b"done")[1])
+    eventually(lambda: one.ask(ACK) == [Reply(ACK, b"done")])
+    before = len(asked)
+    for bad in ("%FF", "%ED%A0%80"):
+        (reply,) = one.ask(f"{ACK}?actor={bad}")
+        assert "UTF-8" in (reply.error or "")
+    assert asked[before:] == []
+    assert caplog.text == ""
 
 
 def test_liveliness_of_a_token_and_of_its_process(hub: Bus, two: Bus) -> None:

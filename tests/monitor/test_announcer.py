@@ -14,7 +14,10 @@ from lumpwatch.service.bus.ordering import Message
 from lumpwatch.service.core.alarm import AlarmClass
 from lumpwatch.service.core.clock import Clocks
 from lumpwatch.service.core.detection import Detection, LumpSize
+from lumpwatch.service.evidence import Trigger
+from lumpwatch.service.monitor.alarm_record import RecordError
 from lumpwatch.service.monitor.announcer import LEVEL_EVERY_S, Announcer
+from lumpwatch.service.monitor.effects import Confirm, Count, KeepEvidence, Publish, Write
 from lumpwatch.service.storage.event_log import Entry, KeptRecord
 from lumpwatch.service.storage.event_notes import Note
 from lumpwatch.service.telemetry import MonitorMetrics
@@ -85,7 +88,21 @@ class Now:
         return Clocks(self.monotonic_s, 1.7e9 + self.monotonic_s)
 
 
-def announcer(world: World, now: Now | None = None) -> Announcer:
+class AllEvidence:
+    """Wants evidence of everything."""
+
+    def __init__(self) -> None:
+        self.begun: list[Trigger] = []
+
+    def wants(self, trigger: Trigger) -> bool:
+        return True
+
+    def begin(self, trigger: Trigger) -> bool:
+        self.begun.append(trigger)
+        return True
+
+
+def announcer(world: World, now: Now | None = None, evidence: AllEvidence | None = None) -> Announcer:
     metrics = MonitorMetrics(CollectorRegistry(), "cam", ("apron",))
     bus: Any = world
     events: Any = world
@@ -97,6 +114,7 @@ def announcer(world: World, now: Now | None = None) -> Announcer:
         metrics=metrics,
         clock="boot",
         clocks=now or Now(),
+        evidence=evidence,
     )
 
 
@@ -255,3 +273,39 @@ def test_decisions_that_are_late_for_long_are_told() -> None:
         now.monotonic_s = 101.2 + k / 10
         target.announce((replace(STILL, frame=frame(k, time_s=100.0 + k / 10)),))  # 1.2 s late
         assert target.late("apron") == (k >= 50)
+
+
+def test_what_a_change_sets_off_is_planned_before_anything_happens() -> None:
+    world, now = World(sequences={"apron": 7}), Now()
+    target = announcer(world, now, AllEvidence())
+    keep, write, publish, count, confirm = target.plan((RESULT,), now())
+    assert world.seen == []
+    assert target.sequence("apron") == 7
+    (change,) = RESULT.changes
+    name = f"{round(now().wall_s * 1000):015d}-000008"
+    trigger = Trigger(name, "apron", AlarmClass.LUMP, 8, now().wall_s, now.monotonic_s)
+    assert keep == KeepEvidence(trigger)
+    assert isinstance(write, Write)
+    (entry,) = write.entries
+    assert publish == Publish(entry)
+    assert json.loads(entry.record)["data"]["evidence"] == entry.event.details["evidence"] == name
+    assert count == Count("apron", AlarmClass.LUMP, change.transition, 0.987654, 42)
+    assert confirm == Confirm((("apron", name),))
+
+
+def test_evidence_begins_before_the_record_that_names_it_is_written() -> None:
+    world, evidence = World(), AllEvidence()
+    announcer(world, evidence=evidence).announce((RESULT,))
+    (trigger,) = evidence.begun
+    assert [one["data"]["evidence"] for one in world.of("alarm")] == [trigger.id]
+
+
+def test_a_change_that_cannot_be_recorded_is_said_before_it_is_made() -> None:
+    world = World()
+    target = announcer(world)
+    (change,) = RESULT.changes
+    made = replace(change.transition, actor="\ud800")
+    with pytest.raises(RecordError, match=r"^cam/apron: lump alarm raised"):
+        target.check(STILL, AlarmClass.LUMP, (change.alarm, (made,)))
+    assert world.seen == []
+    assert target.sequence("apron") == 0
