@@ -1,9 +1,7 @@
 """The belt seen by a camera: from boxes in the picture to millimetres on the belt, with their errors.
 
-A few points of the belt whose place is known, in pixels and in millimetres, give the homography of the
-belt's plane (normalised direct linear transform; Hartley, Zisserman 2004, section 4.4). With square
-pixels and the principal point in the middle of the picture the homography also gives the focal length
-and the camera's place over the belt (Zhang 2000, section 3.1). An object is taken for a sphere of
+A few points of the belt whose place is known, in pixels and in millimetres, give the camera (`belt_camera`).
+An object is taken for a sphere of
 diameter D that lies on the belt; the ray through the middle of its box meets the sphere's centre D / 2
 above the belt, and its silhouette covers the angle alpha with sin(alpha) = (D / 2) / distance:
 
@@ -18,13 +16,27 @@ differences add up to the variance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.models.belt_camera import (
+    LARGEST_VIEW_DEG,
+    SMALLEST_VIEW_DEG,
+    Pose,
+    best_poses,
+    exact_pose,
+    homography,
+    misses,
+    view_deg,
+)
+
 Array = NDArray[np.float64]
 _LEAST_POINTS = 4
+TOLERANCE = 4.0
+"""Times the stated error of a point that the best camera may miss the points by."""
 _STEP_S = 0.02
 """Time over which a velocity in the picture is followed on the belt."""
 
@@ -51,6 +63,10 @@ class BeltPlane:
     """The estimate, then one for each picture coordinate of the calibration moved by its error."""
     lip: tuple[Array, Array]
     """A point of the lip for each camera, mm (k, 2), and the unit normal that points beyond it (k, 2)."""
+    missed_px: float = 0.0
+    """By how much the camera misses the points of the calibration, px (root mean square)."""
+    view_deg: float = 0.0
+    """The camera's horizontal angle of view."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +98,8 @@ def fit_plane(
     """The plane from picture points (n, 2) and their places on the belt (n, 2), in a picture of `size` (w, h).
 
     `lip_px` (2, 2) are two points of the line behind which the belt ends. Raises ValueError for fewer
-    than four points, three or more on a line where four are needed, and points that no camera with
-    square pixels can have seen.
+    than four points, three or more on a line where four are needed, and points that the best camera misses by
+    more than `TOLERANCE` times `error_px`.
     """
     points_px, points_mm = np.asarray(points_px, float), np.asarray(points_mm, float)
     lip_px = np.asarray(lip_px, float)
@@ -94,15 +110,11 @@ def fit_plane(
     if not error_px > 0:
         raise ValueError("calibration: the error of a point must be positive")
     middle = (size[0] / 2.0, size[1] / 2.0)
-    moved = [points_px]
-    for coordinate in range(points_px.size):
-        other = points_px.copy()
-        other.flat[coordinate] += error_px
-        moved.append(other)
-    homographies = np.stack([_homography(points_mm, one - middle) for one in moved])
-    cameras = _cameras(homographies, points_mm.mean(axis=0))
-    plane = BeltPlane(middle, cameras, (np.zeros((1, 2)), np.zeros((1, 2))))
-    ends = [_meet(plane, np.tile(end, (len(moved), 1)), np.arange(len(moved)), 0.0)[:, :2] for end in lip_px]
+    cameras, missed_px = _cameras(points_px - middle, points_mm, error_px, size[0])
+    view = view_deg(float(cameras.focal[0]), size[0])
+    plane = BeltPlane(middle, cameras, (np.zeros((1, 2)), np.zeros((1, 2))), missed_px, view)
+    k = len(cameras.focal)
+    ends = [_meet(plane, np.tile(end, (k, 1)), np.arange(k), 0.0)[:, :2] for end in lip_px]
     along = ends[1] - ends[0]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     if not np.all(length > 0):
@@ -111,7 +123,45 @@ def fit_plane(
     # The belt lies on the near side of the lip: the normal points away from the calibration points.
     inwards = np.einsum("kc,kc->k", normal, points_mm.mean(axis=0) - ends[0])
     normal = np.where(inwards[:, None] > 0, -normal, normal)
-    return BeltPlane(middle, cameras, (ends[0], normal))
+    return replace(plane, lip=(ends[0], normal))
+
+
+def _cameras(points_px: Array, points_mm: Array, error_px: float, width: float) -> tuple[Camera, float]:
+    """The camera that saw the points, px from the principal point, and one for each of their errors.
+
+    Second by how much it misses them. Raises ValueError.
+    """
+    moved = [points_px]
+    for coordinate in range(points_px.size):
+        other = points_px.copy()
+        other.flat[coordinate] += error_px
+        moved.append(other)
+    inside = points_mm.mean(axis=0)
+    poses = [exact_pose(homography(points_mm, one), inside) for one in moved]
+    exact = [pose for pose in poses if pose is not None and _usual(pose, width)]
+    if len(exact) == len(moved) and misses(exact[0], points_mm, points_px) <= 2.0 * error_px:
+        return _stacked(exact), misses(exact[0], points_mm, points_px)
+    (first,) = best_poses(points_mm, [points_px], error_px, width)
+    missed = misses(first, points_mm, points_px)
+    if missed > TOLERANCE * error_px:
+        raise ValueError(
+            f"calibration: the camera that fits best misses the points by {missed:.1f} px, more than {TOLERANCE:g} "
+            f"times error_px ({error_px:g}); check their order and the belt's measures, or state a larger error_px"
+        )
+    # What the points miss by is what they are known to: with few points, more than the root mean square says.
+    free = max(points_px.size - 6, 2)
+    error = max(error_px, missed * np.sqrt(points_px.size / free))
+    further = [points_px + (one - points_px) * (error / error_px) for one in moved]
+    return _stacked(best_poses(points_mm, further, error_px, width)), missed
+
+
+def _usual(pose: Pose, width: float) -> bool:
+    return SMALLEST_VIEW_DEG < view_deg(pose.focal, width) < LARGEST_VIEW_DEG
+
+
+def _stacked(poses: Sequence[Pose]) -> Camera:
+    focal = np.array([pose.focal for pose in poses])
+    return Camera(focal, np.stack([p.rotation for p in poses]), np.stack([p.centre for p in poses]))
 
 
 def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnBelt | None:
@@ -193,61 +243,6 @@ def _meet(plane: BeltPlane, points: Array, chosen: NDArray[np.intp], height: Arr
     return centre + reach[:, None] * direction
 
 
-def _homography(source: Array, target: Array) -> Array:
-    """3x3, source (n, 2) to target (n, 2), least squares of the algebraic error after normalising."""
-    source, from_source = _normalised(source)
-    target, from_target = _normalised(target)
-    rows = []
-    for (x, y), (u, v) in zip(source, target, strict=True):
-        rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y, -u])
-        rows.append([0, 0, 0, x, y, 1, -v * x, -v * y, -v])
-    _, singular, vectors = np.linalg.svd(np.array(rows, float))
-    # One vector solves the system; a second one means that the points do not fix the plane.
-    if singular[7] < 1e-6 * singular[0]:
-        raise ValueError("calibration: too many of the points lie on one line")
-    found = np.linalg.inv(from_target) @ vectors[-1].reshape(3, 3) @ from_source
-    return np.asarray(found / np.linalg.norm(found))
-
-
-def _normalised(points: Array) -> tuple[Array, Array]:
-    centre = points.mean(axis=0)
-    scale = np.sqrt(2.0) / max(float(np.linalg.norm(points - centre, axis=1).mean()), 1e-12)
-    matrix = np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
-    return (points - centre) * scale, matrix
-
-
-def _cameras(homographies: Array, inside: Array) -> Camera:
-    """The cameras of homographies belt -> picture (k, 3, 3); `inside` is a belt point that they see."""
-    focal, rotation, centre = [], [], []
-    for homography in homographies:
-        in_front = float(homography[2] @ (*inside, 1.0))
-        first, second, third = np.where(in_front > 0, 1.0, -1.0) * homography.T
-        # r1 and r2 are orthogonal and of one length: two equations for 1 / f^2.
-        known = np.array([first[:2] @ second[:2], first[:2] @ first[:2] - second[:2] @ second[:2]])
-        wanted = -np.array([first[2] * second[2], first[2] ** 2 - second[2] ** 2])
-        inverse = float(known @ wanted) / max(float(known @ known), 1e-300)
-        if not inverse > 0:
-            raise ValueError(
-                "calibration: no camera with square pixels sees these points like that; "
-                "check their order and the belt's measures"
-            )
-        f = 1.0 / np.sqrt(inverse)
-        columns = [np.array([*(column[:2] / f), column[2]]) for column in (first, second, third)]
-        scale = 2.0 / (np.linalg.norm(columns[0]) + np.linalg.norm(columns[1]))
-        r1, r2, t = (scale * column for column in columns)
-        r1 = r1 / np.linalg.norm(r1)
-        r2 = r2 - r1 * (r1 @ r2)
-        r2 = r2 / np.linalg.norm(r2)
-        axes = np.stack([r1, r2, np.cross(r1, r2)])
-        place = -axes @ t
-        if place[2] < 0:  # belt coordinates may be left-handed as seen by the camera: up is towards it
-            axes[2], place[2] = -axes[2], -place[2]
-        focal.append(f)
-        rotation.append(axes)
-        centre.append(place)
-    return Camera(np.array(focal), np.stack(rotation), np.stack(centre))
-
-
 def rectangle_of_width(corners_px: Array, width_mm: float, focal_px: float, size: tuple[int, int]) -> Array:
     """Places (4, 2) on the belt of a rectangle's corners: far left, far right, near right, near left.
 
@@ -255,8 +250,8 @@ def rectangle_of_width(corners_px: Array, width_mm: float, focal_px: float, size
     Raises ValueError for corners that no such camera can have seen.
     """
     unit = np.array([[0.0, 0.0], [width_mm, 0.0], [width_mm, 1.0], [0.0, 1.0]])
-    homography = _homography(unit, np.asarray(corners_px, float) - np.array(size) / 2.0)
-    across, along, _ = (np.array([*(column[:2] / focal_px), column[2]]) for column in homography.T)
+    matrix = homography(unit, np.asarray(corners_px, float) - np.array(size) / 2.0)
+    across, along, _ = (np.array([*(column[:2] / focal_px), column[2]]) for column in matrix.T)
     length = float(np.linalg.norm(along) / np.linalg.norm(across))
     if not np.isfinite(length) or length <= 0:
         raise ValueError("calibration: the edges of the belt cannot be seen like that")

@@ -145,14 +145,14 @@ class _Region:
 
     def leave(self) -> None:
         """Measure nothing until the next `fit`."""
-        self._looker = None
+        self._meter = None
         self.suspect, self.held_off = False, False
         self.slow = {}
 
     @property
     def measured(self) -> bool:
         """Whether its pictures are."""
-        return self._looker is not None
+        return self._meter is not None
 
     @property
     def found(self) -> set[BlindReason]:

@@ -143,8 +143,9 @@ class RegionChannel:
     def step(self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True) -> Transition | None:
         """One frame of the fitted size: cut the region where it lies now, filter, and step the alarm.
 
-        Returns what became of the alarm, which is decided at `now_s`; None: at the capture. `may_learn`: whether the picture may teach a background model, if it is
-        fit. Raises whatever is wrong with filter or frame; the alarm and the detection are then as before.
+        Returns what became of the alarm, which is decided at `now_s`; None: at the capture. `may_learn`: whether the
+        picture may teach a background model, if it is fit. Raises whatever is wrong with filter or frame; the alarm
+        and the detection are then as before.
         """
         began, dt = perf_counter(), self._advance(frame.capture_s)
         # The detector thinks where the camera looked at first; only what goes in and out is moved.
