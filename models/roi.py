@@ -28,7 +28,7 @@ class View:
     """Integral image (h + 1, w + 1) of the polygon mask."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Roi:
     """Geometry of one region in pictures of one size."""
 
@@ -137,4 +137,14 @@ def make_roi(polygon: Sequence[tuple[float, float]], width: int, height: int, wo
     points = np.round(((corners - first) * scale - 0.5) * 16).astype(np.int32)
     cv2.fillPoly(mask, [points], 1, shift=4)
     inside = np.asarray(cv2.integral(mask), dtype=np.int32)
-    return Roi(corners, int(first[0]), int(first[1]), w, h, step, scale, mask, inside)
+    return Roi(
+        corners=corners,
+        x=int(first[0]),
+        y=int(first[1]),
+        width=w,
+        height=h,
+        step=step,
+        scale=scale,
+        mask=mask,
+        inside=inside,
+    )

@@ -71,9 +71,3 @@ def box_inside(inside, state):  # type: ignore[no-untyped-def]
     area = (x1 - x0) * (y1 - y0)
     share = box_sum(inside, left, top, right, bottom) / area if area > 0 else 0.0
     return (left, top, right, bottom), share
-
-
-@njit(cache=True)
-def inside_share(inside, state):  # type: ignore[no-untyped-def]
-    """Share of a state's box, clipped parts counted as outside, that lies in the polygon."""
-    return box_inside(inside, state)[1]

@@ -41,7 +41,7 @@ class Moment:
     """Ids of the labelled objects in it, in the order of the view's objects."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class Footage:
     """What is kept of one or more videos."""
 
@@ -115,7 +115,17 @@ def read_footage(
     if not interval > 0:
         raise TrainingError("the video's frames carry no advancing time stamps")
     cells = None if flow is None else flow.learn(geometry.shape)
-    return Footage(geometry, views, moments, interval, len(times), *size, cells)
+    width, height = size
+    return Footage(
+        roi=geometry,
+        views=views,
+        moments=moments,
+        interval_s=interval,
+        count=len(times),
+        width=width,
+        height=height,
+        cells=cells,
+    )
 
 
 def needs_flow(roi: RoiConfig) -> bool:

@@ -64,7 +64,7 @@ _LAWS: dict[str, Law] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trained:
     """The result of a training, and what it was learned from, for reports and plots."""
 
@@ -126,18 +126,27 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
         profile = with_sizes(profile, steps.states, steps.starts, height)
     fit = fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None
-    learned = _learned(config, steps, motion, profile, fit, height, len(tracks), cells)
+    learned = _learned(
+        config,
+        steps,
+        motion=motion,
+        profile=profile,
+        fit=fit,
+        height=height,
+        tracks=len(tracks),
+        cells=cells,
+    )
     first = max(1, round(BIRTH_S / interval))
     places = np.concatenate([track.boxes[:first, :2] for track in tracks]) / height
     learned = replace(learned, birth_places=places)
     return Trained(
-        learned,
-        steps,
-        motion,
-        footage.width,
-        footage.height,
-        footage.count,
-        _warnings(config, motion, len(tracks)),
+        learned=learned,
+        samples=steps,
+        motion=motion,
+        width=footage.width,
+        height=footage.height,
+        frames=footage.count,
+        warnings=_warnings(config, motion, len(tracks)),
     )
 
 
@@ -182,6 +191,7 @@ def _specs(config: JdtConfig, height: float) -> list[ModelSpec]:
 def _learned(
     config: JdtConfig,
     steps: Samples,
+    *,
     motion: MotionFit,
     profile: RowProfile,
     fit: LumpFit | HistogramFit,

@@ -12,7 +12,7 @@ from lumpwatch.models.learning import LabelledView, fit_histogram, fit_lump
 from lumpwatch.models.learning.examples import misfits, mistaken, tempting
 from lumpwatch.models.learning.logistic import logistic
 from lumpwatch.models.likelihood import HistogramLikelihood, LumpLikelihood
-from lumpwatch.models.likelihood.base import LEAST_INSIDE, inside_share
+from lumpwatch.models.likelihood.base import LEAST_INSIDE, box_inside
 from lumpwatch.models.likelihood.histogram import Channel
 from lumpwatch.models.roi import Image, make_roi
 from lumpwatch.models.state import H, States, W, X, Y
@@ -123,7 +123,7 @@ def scores(
         elsewhere = [
             state
             for state in tried
-            if inside_share(item.view.inside, state) >= LEAST_INSIDE
+            if box_inside(item.view.inside, state)[1] >= LEAST_INSIDE
             and not any(overlaps(state, other) for other in item.objects)
         ]
         missed.append(seen.log_ratio(np.array(elsewhere)))

@@ -60,7 +60,8 @@ def nobody(seen: PictureGrids) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
 
 
 def compare(seen: PictureGrids, states: Array, reference: Reference, o: ObservationOptions) -> BoxCosts:
-    return observe(seen, states, reference, 0.0, o, *nobody(seen))
+    covered, claimed = nobody(seen)
+    return observe(seen, states, reference, 0.0, o, covered=covered, claimed=claimed)
 
 
 def test_the_person_itself_is_at_no_distance() -> None:
@@ -147,7 +148,7 @@ def test_covered_pixels_are_unknown() -> None:
     # In red trousers; only they are hidden.
     other = refer(seen_of(scene(RED, RED)), PERSON[0], PLAIN)
     for reference_now, distance in ((reference, 1.0), (other, 1.0)):
-        found = observe(seen, PERSON, reference_now, 0.4, o, covered, claimed)
+        found = observe(seen, PERSON, reference_now, 0.4, o, covered=covered, claimed=claimed)
         assert found.visible == pytest.approx([0.5])
         assert found.inside == pytest.approx([0.65])
         # The lower half has no pixel to compare: that is a distance of 1, for half of the box.
@@ -160,7 +161,7 @@ def test_a_hidden_box_costs_what_is_usual() -> None:
     covered, claimed = nobody(seen)
     covered[:] = 1
     o = replace(SILHOUETTE, colour=5.0, neutral=0.3)
-    found = observe(seen, PERSON, reference, 0.4, o, covered, claimed)
+    found = observe(seen, PERSON, reference, 0.4, o, covered=covered, claimed=claimed)
     assert found.visible == pytest.approx([0.0])
     assert found.cost == pytest.approx([0.4 + 1.0 - 0.3])
 
@@ -172,7 +173,9 @@ def test_claimed_foreground_is_explained() -> None:
     add(claimed, PERSON[0], 1.0, 1)
     for claim, inside in ((0.0, 1.0), (0.5, 0.65), (1.0, 0.3)):
         o = replace(SILHOUETTE, claim=claim, neutral=0.3)
-        assert observe(seen, PERSON, reference, 0.0, o, covered, claimed).inside == pytest.approx([inside])
+        assert observe(
+            seen, PERSON, reference, 0.0, o, covered=covered, claimed=claimed
+        ).inside == pytest.approx([inside])
     add(claimed, PERSON[0], 1.0, -1)
     assert not claimed.any()
 

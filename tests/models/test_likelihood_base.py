@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lumpwatch.models.likelihood.base import bounded, box_edges, inside_share
+from lumpwatch.models.likelihood.base import bounded, box_edges, box_inside
 from lumpwatch.models.roi import make_roi
 from tests.models.helpers import box, boxes
 
@@ -62,18 +62,18 @@ def test_box_edges_by_hand(
 )
 def test_inside_share_by_hand(state: NDArray[np.float64], expected: float) -> None:
     """Parts beyond the picture count as outside."""
-    assert inside_share(INSIDE, state[0]) == pytest.approx(expected)
+    assert box_inside(INSIDE, state[0])[1] == pytest.approx(expected)
 
 
 def test_inside_share_of_a_polygon() -> None:
     """The triangle below the diagonal of 100 x 100 px: a box across the diagonal is half inside."""
     inside = make_roi([(0, 0), (1, 1), (0, 1)], 100, 100, 100).inside
-    assert inside_share(inside, box(30, 30, 70, 70)[0]) == pytest.approx(0.5, abs=0.03)
-    assert inside_share(inside, box(5, 60, 35, 90)[0]) == 1.0
-    assert inside_share(inside, box(60, 5, 90, 35)[0]) == 0.0
+    assert box_inside(inside, box(30, 30, 70, 70)[0])[1] == pytest.approx(0.5, abs=0.03)
+    assert box_inside(inside, box(5, 60, 35, 90)[0])[1] == 1.0
+    assert box_inside(inside, box(60, 5, 90, 35)[0])[1] == 0.0
 
 
 @given(st.floats(1, 40), st.floats(1, 40), st.floats(30, 70), st.floats(25, 55))
 def test_box_within_the_polygon_counts_as_inside(w: float, h: float, x: float, y: float) -> None:
     """Small boxes too, whose rounded area differs most from the exact one."""
-    assert inside_share(INSIDE, boxes(1, x, y, w, h)[0]) == 1.0
+    assert box_inside(INSIDE, boxes(1, x, y, w, h)[0])[1] == 1.0

@@ -246,7 +246,8 @@ def test_train_then_refine_runs_in_shadow(
     store = PriorStore(tmp_path / "var")
 
     labels = str(feeds.videos[0].with_suffix(".txt"))
-    assert main(["train", str(config), morning, labels, *of, "--without-lumps", str(feeds.empty)]) == 0
+    more = ("--without-lumps", str(feeds.empty), "--folds", "0")
+    assert main(["train", str(config), morning, labels, *of, *more]) == 0
     capsys.readouterr()
     assert main(["refine", str(config), evening, *of]) == 0
     out, err = capsys.readouterr()

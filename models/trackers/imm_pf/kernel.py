@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+
+from lumpwatch.models.roi import Image
 
 HUES, SATURATIONS, VALUES = 10, 8, 10
 COLOURS = HUES * SATURATIONS + VALUES
@@ -12,6 +16,31 @@ _COLOURED = 26
 """Saturation and brightness from which a pixel has a colour."""
 _SEEN_LEAST = 0.15
 """The colours of a box visible by less than this share say nothing."""
+
+
+class Grids(NamedTuple):
+    """What is known of each pixel of the grid (h, w)."""
+
+    colour: Image
+    motion: Image
+    foreground: Image
+    covered: Image
+    """1 under nearer targets."""
+    claimed: Image
+    """How many other targets are expected there."""
+
+
+class Factors(NamedTuple):
+    """`ObservationOptions` as kernels take them."""
+
+    colour: float
+    motion: float
+    silhouette: float
+    band: float
+    core: float
+    neutral: float
+    claim: float
+    foreground_only: bool
 
 
 @njit(cache=True)
@@ -30,9 +59,12 @@ def colour_bins(hsv):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def count_colours(colour, motion, foreground, only, covered, x, y, w, h, core, out):  # type: ignore[no-untyped-def]
-    """Count the visible pixels of the core of a box into rows upper, lower, motion; give their numbers."""
+def count_colours(grids, box, factors, out):  # type: ignore[no-untyped-def]
+    """Count the visible pixels of the core of a box (4,) into rows upper, lower, motion; give their numbers."""
+    colour, motion, foreground, covered, _ = grids
     rows, columns = colour.shape
+    x, y, w, h = box
+    core, only = factors.core, factors.foreground_only
     left, right = max(int(x - 0.5 * core * w + 0.5), 0), min(int(x + 0.5 * core * w + 0.5), columns)
     top, bottom = max(int(y - 0.5 * core * h + 0.5), 0), min(int(y + 0.5 * core * h + 0.5), rows)
     middle = int(y + 0.5)
@@ -52,13 +84,13 @@ def count_colours(colour, motion, foreground, only, covered, x, y, w, h, core, o
 
 
 @njit(cache=True)
-def observe_boxes(  # type: ignore[no-untyped-def]
-    colour, motion, foreground, covered, claimed, x, y, w, h, roots, table, usual,
-    c_colour, c_motion, c_silhouette, band, core, neutral, claim, only
-):  # fmt: skip
-    """Cost, appearance cost, inside, ring and visible share (5, n) of boxes by centre and size (n,)."""
+def observe_boxes(grids, boxes, roots, table, usual, factors):  # type: ignore[no-untyped-def]
+    """Cost, appearance cost, inside, ring and visible share (5, n) of boxes by centre and size, each (n,)."""
+    _, _, foreground, covered, claimed = grids
+    x, y, w, h = boxes
+    band, neutral, claim = factors.band, factors.neutral, factors.claim
     n = len(x)
-    rows, columns = colour.shape
+    rows, columns = foreground.shape
     out = np.zeros((5, n))
     # Integrals of the visible and of the foreground pixels over the window that holds all boxes.
     reach_x, reach_y = 0.5 * w.max() * (1.0 + 2.0 * band) + 2.0, 0.5 * h.max() + band * w.max() + 2.0
@@ -93,16 +125,14 @@ def observe_boxes(  # type: ignore[no-untyped-def]
         appearance = usual
         if visible >= _SEEN_LEAST:
             counts[:] = 0
-            upper, lower = count_colours(
-                colour, motion, foreground, only, covered, x[k], y[k], width, height, core, counts
-            )
+            upper, lower = count_colours(grids, (x[k], y[k], width, height), factors, counts)
             distance = _distance(counts[0], roots[0], table, upper) + _distance(
                 counts[1], roots[1], table, lower
             )
             moved = _distance(counts[2, :MOTIONS], roots[2], table, upper + lower)
-            out[1, k] = c_colour * distance + c_motion * moved
+            out[1, k] = factors.colour * distance + factors.motion * moved
             appearance = visible * out[1, k] + (1.0 - visible) * usual
-        out[0, k] = appearance + c_silhouette * (1.0 - inside + ring)
+        out[0, k] = appearance + factors.silhouette * (1.0 - inside + ring)
     return out
 
 

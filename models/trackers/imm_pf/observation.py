@@ -40,6 +40,8 @@ from lumpwatch.models.trackers.foreground import cleaned
 from lumpwatch.models.trackers.imm_pf.kernel import (
     COLOURS,
     MOTIONS,
+    Factors,
+    Grids,
     colour_bins,
     count_colours,
     observe_boxes,
@@ -159,9 +161,7 @@ def refer(seen: PictureGrids, state: Array, o: ObservationOptions) -> Reference:
     covered = np.zeros(seen.colour.shape, np.uint8)
     counts = np.zeros((3, COLOURS))
     place = state[X] / STEP, state[Y] / STEP, state[W] / STEP, state[H] / STEP
-    count_colours(
-        seen.colour, seen.motion, seen.foreground, o.foreground_only, covered, *place, o.core, counts
-    )
+    count_colours(_grids(seen, covered, covered), place, _factors(o), counts)
     sums = np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     upper, lower, motion = counts / sums
     return Reference(upper, lower, motion[:MOTIONS].copy())
@@ -178,6 +178,7 @@ def observe(
     reference: Reference,
     usual: float,
     o: ObservationOptions,
+    *,
     covered: Image,
     claimed: Image,
 ) -> BoxCosts:
@@ -190,13 +191,26 @@ def observe(
     roots[0], roots[1], roots[2, :MOTIONS] = (
         np.sqrt(reference.upper), np.sqrt(reference.lower), np.sqrt(reference.motion),
     )  # fmt: skip
-    out = observe_boxes(
-        seen.colour, seen.motion, seen.foreground, covered, claimed,
-        states[:, X] / STEP, states[:, Y] / STEP, states[:, W] / STEP, states[:, H] / STEP, roots, _ROOTS, usual,
-        o.colour, o.motion, o.silhouette, o.band, o.core, o.neutral, o.claim,
-        o.foreground_only,
-    )  # fmt: skip
+    boxes = states[:, X] / STEP, states[:, Y] / STEP, states[:, W] / STEP, states[:, H] / STEP
+    out = observe_boxes(_grids(seen, covered, claimed), boxes, roots, _ROOTS, usual, _factors(o))
     return BoxCosts(out[0], out[1], out[2], out[3], out[4])
+
+
+def _grids(seen: PictureGrids, covered: Image, claimed: Image) -> Grids:
+    return Grids(seen.colour, seen.motion, seen.foreground, covered, claimed)
+
+
+def _factors(o: ObservationOptions) -> Factors:
+    return Factors(
+        colour=o.colour,
+        motion=o.motion,
+        silhouette=o.silhouette,
+        band=o.band,
+        core=o.core,
+        neutral=o.neutral,
+        claim=o.claim,
+        foreground_only=o.foreground_only,
+    )
 
 
 _ROOTS = np.sqrt(np.arange(_MOST_COUNTED))

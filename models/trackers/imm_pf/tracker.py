@@ -44,7 +44,7 @@ from lumpwatch.models.trackers.tracked import TrackedObject
 Array = NDArray[np.float64]
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class _Target:
     id: int
     belief: ImmBelief
@@ -138,7 +138,16 @@ class ImmPfTracker:
         self, target: _Target, states: States, seen: PictureGrids, others: tuple[Image, Image], dt: float
     ) -> None:
         o, before = self._options, target.belief
-        boxes = observe(seen, states, target.reference, target.usual, o.observation, *others)
+        covered, claimed = others
+        boxes = observe(
+            seen,
+            states,
+            target.reference,
+            target.usual,
+            o.observation,
+            covered=covered,
+            claimed=claimed,
+        )
         belief, log_evidence = self._filter.correct(before, states, -boxes.cost)
         weights = joint_weights(belief)
         after = estimate(belief)
@@ -217,7 +226,15 @@ class ImmPfTracker:
         reference = refer(seen, state, o.observation)
         self._last_id += 1
         self._targets.append(
-            _Target(self._last_id, belief, reference, state, spread, o.usual_appearance, o.birth_log_odds)
+            _Target(
+                id=self._last_id,
+                belief=belief,
+                reference=reference,
+                state=state,
+                spread=spread,
+                usual=o.usual_appearance,
+                log_odds=o.birth_log_odds,
+            )
         )
 
     def _sized(self, state: Array) -> Array:
@@ -228,13 +245,13 @@ class ImmPfTracker:
 
 def _describe(target: _Target) -> TrackedObject:
     return TrackedObject(
-        target.id,
-        target.state[[X, Y, W, H]],
-        target.state[[VX, VY]],
-        target.spread[[X, Y]],
-        1.0 / (1.0 + exp(-target.log_odds)),
-        target.confirmed,
-        target.belief.shares.copy(),
+        id=target.id,
+        box=target.state[[X, Y, W, H]],
+        velocity=target.state[[VX, VY]],
+        spread=target.spread[[X, Y]],
+        existence=1.0 / (1.0 + exp(-target.log_odds)),
+        confirmed=target.confirmed,
+        model_shares=target.belief.shares.copy(),
     )
 
 

@@ -125,7 +125,15 @@ class JpdaTracker:
         existence, beta = self._integrated(prior, found.beta)
         self._states = update(states, seen, beta, self._noise)
         self._targets = [
-            self._followed(i, target, existence[i], beta[i], boxes, histograms, dt)
+            self._followed(
+                i,
+                target,
+                existence=existence[i],
+                beta=beta[i],
+                boxes=boxes,
+                histograms=histograms,
+                dt=dt,
+            )
             for i, target in enumerate(self._targets)
         ]
         self._end(beta, dt)
@@ -167,6 +175,7 @@ class JpdaTracker:
         self,
         i: int,
         target: _Target,
+        *,
         existence: float,
         beta: Array,
         boxes: Array,
