@@ -160,10 +160,12 @@ def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraCo
         suggestions = suggest(only, found.prior, frames, advance)
     sheet = arguments.suggest.with_suffix(".html")
     words = ("lumpwatch", "train", arguments.config, arguments.video, arguments.suggest)
-    ids = ",".join(str(one.proposal.id) for one in suggestions)
+    ids = ",".join(str(suggestion.proposal.id) for suggestion in suggestions)
     where = ("--camera", camera.id, "--roi", roi.id, "--accept", ids or "all")
     page = contact_sheet(suggestions, arguments.video.name, shlex.join(map(str, (*words, *where))))
-    arguments.suggest.write_text(to_text([one.proposal for one in suggestions]), encoding="utf-8")
+    arguments.suggest.write_text(
+        to_text([suggestion.proposal for suggestion in suggestions]), encoding="utf-8"
+    )
     sheet.write_text(page, encoding="utf-8")
     by = f"prior version {found.prior.version}" if found.prior else "the stated defaults"
     sys.stdout.write(

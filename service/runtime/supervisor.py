@@ -172,18 +172,18 @@ class Supervisor:
         """
         running = [(keeper, keeper.running) for keeper in self._keepers if keeper.running is not None]
         deadline = self._clock() + within_s
-        for _, one in running:
-            one.reader.ask_to_stop()
-        for keeper, one in running:
-            one.process.join(timeout=max(0.0, deadline - self._clock()))
-            if one.process.is_alive():
+        for _, worker in running:
+            worker.reader.ask_to_stop()
+        for keeper, worker in running:
+            worker.process.join(timeout=max(0.0, deadline - self._clock()))
+            if worker.process.is_alive():
                 log.warning("%s did not stop in %.0f s and was killed", keeper.task.name, within_s)
-                one.process.kill()
+                worker.process.kill()
         deadline = self._clock() + KILLED_S
-        for keeper, one in running:
-            one.process.join(timeout=max(0.0, deadline - self._clock()))
-            one.reader.wait_for_end(max(0.0, deadline - self._clock()))
-            self._hear(keeper.task, one)
+        for keeper, worker in running:
+            worker.process.join(timeout=max(0.0, deadline - self._clock()))
+            worker.reader.wait_for_end(max(0.0, deadline - self._clock()))
+            self._hear(keeper.task, worker)
         left = tuple(
             keeper.task.name
             for keeper in self._keepers

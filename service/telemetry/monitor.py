@@ -140,7 +140,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
         objects = detection.objects
         self._objects.labels(self._camera, roi).set(len(objects))
         if detection.oversize is not None:
-            sizes = [one.size for one in objects if one.size is not None]
+            sizes = [item.size for item in objects if item.size is not None]
             self._oversize.labels(self._camera, roi).set(detection.oversize)
             self._largest.labels(self._camera, roi).set(
                 max((s.longest_mm or 0.0 for s in sizes), default=0.0)
@@ -148,12 +148,12 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
             times = [s.lip_s for s in sizes if s.lip_s is not None]
             self._lip.labels(self._camera, roi).set(min(times, default=float("inf")))
         means: dict[str, float] = {}
-        for one in objects:
-            for model, share in one.model_shares:
+        for item in objects:
+            for model, share in item.model_shares:
                 means[model] = means.get(model, 0.0) + share / len(objects)
         for model, share in means.items():
             self._shares.labels(self._camera, roi, model).set(share)
-        flagged = frozenset(one.id for one in objects if one.wrong_way)
+        flagged = frozenset(item.id for item in objects if item.wrong_way)
         self._wrong_way.labels(self._camera, roi).inc(len(flagged - self._flagged.get(roi, frozenset())))
         self._flagged[roi] = flagged
 

@@ -65,8 +65,8 @@ class PictureMetrics:
 
     def judged(self, roi: str, reason: BlindReason | None, quality: PictureQuality) -> None:
         """What is known of a ROI's picture, and why it is BLIND."""
-        for one in BlindReason:
-            self._reason.labels(self._camera, roi, one.value).set(one is reason)
+        for candidate in BlindReason:
+            self._reason.labels(self._camera, roi, candidate.value).set(candidate is reason)
         for measure, value in quality.values.items():
             self._value.labels(self._camera, roi, measure.value).set(value)
         for measure, value in quality.thresholds.items():

@@ -33,7 +33,7 @@ def validation_warnings(validation: Validation, material: Material) -> tuple[str
     """What held-out lumps say."""
     warnings = [f"cross-validation: {failure}: label more lumps" for failure in validation.failures]
     if missed := validation.missed:
-        names = ", ".join(f"{one.lump.id} of {material.clips[one.lump.clip].name}" for one in missed[:4])
+        names = ", ".join(f"{held.lump.id} of {material.clips[held.lump.clip].name}" for held in missed[:4])
         names += ", …" if len(missed) > 4 else ""
         warnings.append(
             f"{len(missed)} of {len(validation.whole)} lumps would not be found by what the others teach "

@@ -116,7 +116,7 @@ def learn_reference(
                 for roi, clips in footage.clips.items()
             }
         except ValueError as error:
-            raise FootageError(f"{', '.join(one.name for one in some)}: {error}") from error
+            raise FootageError(f"{', '.join(recording.name for recording in some)}: {error}") from error
         here = footage.size[0] / footage.size[1]
         if aspect and abs(here / aspect - 1.0) > 0.01:
             raise FootageError(f"{some[0].name}: has another shape than the recordings by day")
@@ -131,7 +131,7 @@ def learn_reference(
         polygons={roi.id: roi.polygon for roi in camera.rois},
         working_size_px={roi.id: roi.detector.working_size_px for roi in camera.rois},
         false_share=false_share,
-        sources={name: tuple(one.name for one in some) for name, some in recordings.items()},
+        sources={name: tuple(recording.name for recording in some) for name, some in recordings.items()},
     )
     return LearnedReference(Reference(meta, tuple(lights)), tuple(warnings))
 

@@ -18,12 +18,13 @@ from lumpwatch.service.training.proposing import Suggestion
 def contact_sheet(suggestions: Sequence[Suggestion], video: str, command: str) -> str:
     """The page; `command` is what accepts, as a person would type it."""
     figures = []
-    for one in suggestions:
-        proposal = one.proposal
-        image = html_photo(one.picture, f"proposal {proposal.id}")
+    for suggestion in suggestions:
+        proposal = suggestion.proposal
+        image = html_photo(suggestion.picture, f"proposal {proposal.id}")
         frames = f"frames {proposal.boxes[0].frame} to {proposal.boxes[-1].frame}"
         caption = (
-            f"{proposal.id}: {one.first_s:.1f} to {one.last_s:.1f} s, {frames}, P = {proposal.existence:.2f}"
+            f"{proposal.id}: {suggestion.first_s:.1f} to {suggestion.last_s:.1f} s, {frames}, "
+            f"P = {proposal.existence:.2f}"
         )
         figures.append(html_figure(image, caption))
     many = f"{len(suggestions)} proposal{'' if len(suggestions) == 1 else 's'}"

@@ -88,7 +88,7 @@ def _validation(material: Material, validation: Validation | None) -> str:
     if validation is None or not validation.lumps:
         words = "Not done: it takes a jdt detector, two labelled lumps and --folds 2 or more."
         return html_section(title, [html_paragraph(words)])
-    early = [one.warned_s for one in validation.found if one.warned_s is not None]
+    early = [held.warned_s for held in validation.found if held.warned_s is not None]
     summary = f"{len(early)} of {len(validation.whole)} lumps would be found"
     if early:
         summary += f", half of them {np.median(early):.1f} s or more before their last label"
@@ -99,7 +99,7 @@ def _validation(material: Material, validation: Validation | None) -> str:
         "thresholds and delays, stands with a box on it."
     )
     names = ("lump", "clip", "lump's ratio", "hardest background", "ahead in", "over time", "found")
-    rows = [_row(material, one) for one in validation.lumps]
+    rows = [_row(material, held) for held in validation.lumps]
     parts = [
         html_paragraph(summary + "."),
         html_paragraph(about, "note"),
@@ -108,7 +108,7 @@ def _validation(material: Material, validation: Validation | None) -> str:
         "<h2>Hardest moments</h2>",
         html_paragraph("Green: the label. Red: the background that looks most like a lump.", "note"),
         '<div class="sheet">',
-        *[_moment(material, one) for one in validation.hardest[:MOST_MOMENTS]],
+        *[_moment(material, held) for held in validation.hardest[:MOST_MOMENTS]],
         "</div>",
         "<h2>Reliability on held-out pictures</h2>",
         html_paragraph(_reliable(validation)),
@@ -117,20 +117,20 @@ def _validation(material: Material, validation: Validation | None) -> str:
     return html_section(title, parts)
 
 
-def _row(material: Material, one: HeldOut) -> tuple[str, ...]:
-    if one.lump.cut_off:
+def _row(material: Material, held: HeldOut) -> tuple[str, ...]:
+    if held.lump.cut_off:
         found = "the clip ends before it"
-    elif one.warned_s is None:
+    elif held.warned_s is None:
         found = '<span class="bad">not found</span>'
     else:
-        found = f'<span class="good">{one.warned_s:.1f} s before the end</span>'
+        found = f'<span class="good">{held.warned_s:.1f} s before the end</span>'
     return (
-        str(one.lump.id),
-        html_text(material.clips[one.lump.clip].name),
-        f"{one.ratio:+.1f}",
-        f"{one.background:+.1f}",
-        f"{one.won:.0%}",
-        sketch(one),
+        str(held.lump.id),
+        html_text(material.clips[held.lump.clip].name),
+        f"{held.ratio:+.1f}",
+        f"{held.background:+.1f}",
+        f"{held.won:.0%}",
+        sketch(held),
         found,
     )
 
@@ -138,41 +138,42 @@ def _row(material: Material, one: HeldOut) -> tuple[str, ...]:
 def _clips(material: Material, validation: Validation) -> list[str]:
     """The clips, the hardest first, where there are several."""
     by_clip: dict[int, list[HeldOut]] = {}
-    for one in validation.lumps:
-        by_clip.setdefault(one.lump.clip, []).append(one)
+    for held in validation.lumps:
+        by_clip.setdefault(held.lump.clip, []).append(held)
     if len(by_clip) < 2:
         return []
     rows = []
-    for clip, lumps in sorted(by_clip.items(), key=lambda item: np.mean([one.margin for one in item[1]])):
-        found = sum(one in validation.found for one in lumps)
-        lead = np.mean([one.margin for one in lumps])
+    for clip, lumps in sorted(by_clip.items(), key=lambda item: np.mean([held.margin for held in item[1]])):
+        found = sum(held in validation.found for held in lumps)
+        lead = np.mean([held.margin for held in lumps])
         rows.append(
             (
                 html_text(material.clips[clip].name),
-                f"{found} of {sum(not one.lump.cut_off for one in lumps)}",
+                f"{found} of {sum(not held.lump.cut_off for held in lumps)}",
                 f"{lead:+.1f}",
             )
         )
     return ["<h2>Clips, the hardest first</h2>", html_table(("clip", "found", "mean lead"), rows)]
 
 
-def _moment(material: Material, one: HeldOut) -> str:
-    judged = one.hardest
+def _moment(material: Material, held: HeldOut) -> str:
+    judged = held.hardest
     moment = material.footage.moments[judged.view]
     caption = (
-        f"lump {one.lump.id} of {material.clips[moment.clip].name}, frame {moment.frame}: "
+        f"lump {held.lump.id} of {material.clips[moment.clip].name}, frame {moment.frame}: "
         f"{judged.ratio:+.1f} against {judged.background:+.1f}"
     )
-    return html_figure(html_photo(moment_bgr(material, one, judged), caption), caption)
+    return html_figure(html_photo(moment_bgr(material, held, judged), caption), caption)
 
 
 def _reliable(validation: Validation) -> str:
     """In words: whether the likelihood claims too much or too little."""
-    objects = sum(one.objects for one in validation.bins)
-    background = sum(one.background for one in validation.bins)
-    weights = [one.objects / objects + one.background / background for one in validation.bins]
+    objects = sum(group.objects for group in validation.bins)
+    background = sum(group.background for group in validation.bins)
+    weights = [group.objects / objects + group.background / background for group in validation.bins]
     lean = sum(
-        weight * (one.observed - one.predicted) for weight, one in zip(weights, validation.bins, strict=True)
+        weight * (group.observed - group.predicted)
+        for weight, group in zip(weights, validation.bins, strict=True)
     ) / sum(weights)
     words = (
         "Held-out lumps, and of each of their pictures the box without a lump that looks most like one. "

@@ -104,9 +104,13 @@ def reliability_png(bins: Sequence[Bin]) -> bytes:
     fig = new_figure(4.6, 4.2)
     panel = fig.subplots()
     panel.plot([0, 1], [0, 1], color="0.6", ls="--", lw=1)
-    sizes = [12 + 8 * np.log1p(one.objects + one.background) for one in bins]
-    panel.plot([one.predicted for one in bins], [one.observed for one in bins], color="tab:blue", lw=1)
-    panel.scatter([one.predicted for one in bins], [one.observed for one in bins], s=sizes, color="tab:blue")
+    sizes = [12 + 8 * np.log1p(group.objects + group.background) for group in bins]
+    panel.plot(
+        [group.predicted for group in bins], [group.observed for group in bins], color="tab:blue", lw=1
+    )
+    panel.scatter(
+        [group.predicted for group in bins], [group.observed for group in bins], s=sizes, color="tab:blue"
+    )
     panel.set(
         xlim=(-0.03, 1.03),
         ylim=(-0.03, 1.03),
@@ -155,10 +159,10 @@ def _png(fig: Any) -> bytes:
     return content.getvalue()
 
 
-def sketch(one: HeldOut) -> str:
+def sketch(held: HeldOut) -> str:
     """The lump (dark) against the hardest background (red) over time, as SVG."""
-    times = np.array([judged.time_s for judged in one.judged])
-    lines = np.array([[judged.ratio, judged.background] for judged in one.judged])
+    times = np.array([judged.time_s for judged in held.judged])
+    lines = np.array([[judged.ratio, judged.background] for judged in held.judged])
     low, high = min(float(lines.min()), -1.0), max(float(lines.max()), 1.0)
     across = (times - times[0]) / max(float(times[-1] - times[0]), 1e-9) * (_SKETCH_W - 4) + 2
 
@@ -170,20 +174,20 @@ def sketch(one: HeldOut) -> str:
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down(lines[:, column]), strict=True))
         drawn.append(f'<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{points}"/>')
     zero = f'<path d="M0 {down(0.0):.1f} H{_SKETCH_W}" stroke="#9aa5b1" stroke-dasharray="3 3"/>'
-    label = f"log likelihood ratio of lump {one.lump.id} over time"
+    label = f"log likelihood ratio of lump {held.lump.id} over time"
     return (
         f'<svg role="img" aria-label="{label}" width="{_SKETCH_W}" height="{_SKETCH_H}" '
         f'viewBox="0 0 {_SKETCH_W} {_SKETCH_H}">{zero}{"".join(drawn)}</svg>'
     )
 
 
-def moment_bgr(material: Material, one: HeldOut, judged: Judged) -> Image:
+def moment_bgr(material: Material, held: HeldOut, judged: Judged) -> Image:
     """The working picture of a moment: the labelled box in green, the hardest background in red."""
     view, moment = material.footage.views[judged.view], material.footage.moments[judged.view]
     factor = max(1, round(420 / max(view.view.gray.shape)))
     large = cv2.resize(view.view.gray, None, fx=factor, fy=factor, interpolation=cv2.INTER_LINEAR)
     out = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-    boxes = [(view.objects[moment.tracks.index(one.lump.id)], _GREEN)]
+    boxes = [(view.objects[moment.tracks.index(held.lump.id)], _GREEN)]
     if judged.hardest is not None:
         boxes.append((judged.hardest, _RED))
     for state, colour in boxes:
