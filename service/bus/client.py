@@ -21,12 +21,9 @@ from lumpwatch.service.bus.endpoints import (
     Handler,
     Publisher,
     Reply,
-    Service,
     answer,
     declare_alarms,
     declare_state,
-    leave,
-    refuse,
     to_message,
     to_reply,
     to_wire,
@@ -35,6 +32,7 @@ from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.frames import FrameInbox, FramePublisher
 from lumpwatch.service.bus.handles import Handle, direct, queue, reason, shut, undeclares
 from lumpwatch.service.bus.ordering import Due, InOrder, Message
+from lumpwatch.service.bus.services import Lanes, Service
 
 _log = logging.getLogger(__name__)
 
@@ -63,7 +61,7 @@ class Bus:
         self._lock = threading.Lock()
         self._closed = False
         self._values = Worker("last values")
-        self._lanes: dict[str, Worker] = {}
+        self._lanes = Lanes(self._values)
         # A session with callbacks that is still open when the interpreter ends aborts the process.
         atexit.register(self._close_at_exit)
 
@@ -209,22 +207,10 @@ class Bus:
         The last part of the key that was asked names the service; it must be spelt out there, while the
         parts before it may be wildcards. Other queries below `prefix` get no answer from here.
         """
-        lanes = {name: self._lane(one.lane) for name, one in services.items()}
-
-        def arrived(query: zenoh.Query) -> None:
-            name = str(query.key_expr).rpartition("/")[2]
-            if name not in services:
-                leave(query)
-                return
-            service = services[name]
-            job = partial(answer, f"{prefix}/{name}", service.handler, query)
-            if service.waits:
-                lanes[name].submit(job)
-            elif not lanes[name].offer(job):
-                self._values.submit(partial(refuse, f"another {name} is under way: ask again later", query))
-
         with self._declaring(prefix):
-            queryable = self._session.declare_queryable(f"{prefix}/*", direct(arrived))
+            queryable = self._session.declare_queryable(
+                f"{prefix}/*", direct(self._lanes.dispatcher(prefix, services))
+            )
         served = Handle()
         served.on_close(undeclares(queryable))
         return self._keep(served, self._receivers)
@@ -281,16 +267,10 @@ class Bus:
     def _shut(self) -> None:
         for handle in [*self._receivers, *self._senders]:
             handle.close()
-        for worker in (self._values, *self._lanes.values()):
-            worker.close()
+        self._values.close()
+        self._lanes.close()
         with contextlib.suppress(zenoh.ZError):
             shut(self._session)
-
-    def _lane(self, name: str) -> Worker:
-        with self._lock:
-            if name not in self._lanes:
-                self._lanes[name] = Worker(name)
-            return self._lanes[name]
 
     @contextlib.contextmanager
     def _declaring(self, key: str) -> Iterator[None]:

@@ -32,17 +32,6 @@ Handler = Callable[[dict[str, str], bytes | None], bytes]
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
-    """One of several keys that are served together."""
-
-    handler: Handler
-    lane: str
-    """Queries of a lane are answered one after another, in a thread of the bus for it; lanes run side by side."""
-    waits: bool = True
-    """Whether a query waits for its turn; else it is refused while its lane is busy."""
-
-
-@dataclass(frozen=True, slots=True)
 class Reply:
     """An answer to a query: `payload`, or one line of `error`. An error has the key that was asked."""
 

@@ -10,7 +10,6 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 from lumpwatch.service.bus import Bus, Keys
 from lumpwatch.service.config import SiteConfig
@@ -33,10 +32,12 @@ from lumpwatch.service.monitor.announcer import Announcer
 from lumpwatch.service.monitor.artifacts import ArtifactWatcher, NewPrior, NewReference, NewShadow
 from lumpwatch.service.monitor.command_server import CommandServer
 from lumpwatch.service.monitor.heartbeat import LastDecision, heartbeat
+from lumpwatch.service.monitor.inbox_counts import InboxCounts
 from lumpwatch.service.monitor.proof.chain import Site
+from lumpwatch.service.monitor.proofs import Proofs
 from lumpwatch.service.monitor.shadow_desk import ShadowDesk
 from lumpwatch.service.monitor.verdict_handler import verdict_handler
-from lumpwatch.service.protocol import EvidenceRequest, PriorRequest, ProofRequest, ProofResult
+from lumpwatch.service.protocol import EvidenceRequest, PriorRequest, ProofRequest
 from lumpwatch.service.storage import (
     EventWriter,
     Prior,
@@ -52,19 +53,6 @@ log = logging.getLogger(__name__)
 HEARTBEAT_S = 1.0
 LOOK_EVERY_S = 0.25
 """How often states are decided and published while no frame comes."""
-
-
-class Proofs(Protocol):
-    """The proof tests of the camera."""
-
-    def troubles(self, roi: str) -> dict[Trouble, bool]:
-        """What they have to say to the system alarm of a ROI."""
-
-    def look(self) -> None:
-        """Start a test where one is due."""
-
-    def test(self, roi: str, actor: str) -> ProofResult:
-        """Test one ROI now; raises LumpwatchError where that cannot be."""
 
 
 class Monitor:
@@ -148,8 +136,7 @@ class Monitor:
         self._decisions: dict[str, RoiResult] = {}
         self._decided_s: dict[str, float] = {}
         self._far_clock = StreamClock()  # of a camera process on another host
-        self._told_skipped = 0
-        self._told_malformed: dict[str, int] = {}
+        self._inbox_counts = InboxCounts(metrics.dropped)
         self._beats = 0
         self._looked_s = self._beat_s = 0.0
 
@@ -290,7 +277,7 @@ class Monitor:
         """Once a second."""
         self._send_heartbeat(now)
         self._announcer.confirm()
-        self._count_inbox()
+        self._inbox_counts.tell(self._inbox.skipped, self._inbox.malformed)
         self._measure()
         self._shadows.tell(now)
         self._proofs.look()
@@ -305,16 +292,6 @@ class Monitor:
         clocks = Clocks(now, self._clocks().wall_s)
         beat = heartbeat(self._site, self._camera.id, self._beats, rois, self._camera.blind_after_s, clocks)
         self._heartbeat.put(beat.line())
-
-    def _count_inbox(self) -> None:
-        if (skipped := self._inbox.skipped - self._told_skipped) > 0:
-            self._metrics.dropped("skipped", skipped)
-            self._told_skipped += skipped
-        for reason, count in dict(self._inbox.malformed).items():
-            new = count - self._told_malformed.get(reason, 0)
-            if new > 0:
-                self._metrics.dropped(f"malformed_{reason}", new)
-                self._told_malformed[reason] = count
 
     def _measure(self) -> None:
         """Put versions and age of what is in use into the metrics."""

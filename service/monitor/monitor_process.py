@@ -11,9 +11,10 @@ from lumpwatch.service.bus import BusClosed, host_clock, open_client
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.core import Clocks, log_to_stderr
 from lumpwatch.service.evidence import EvidenceKeeper
-from lumpwatch.service.monitor.monitor import Monitor, Proofs
+from lumpwatch.service.monitor.monitor import Monitor
 from lumpwatch.service.monitor.proof.chain import ProofTest, Site
 from lumpwatch.service.monitor.proof.keeper import ProofKeeper
+from lumpwatch.service.monitor.proofs import Proofs
 from lumpwatch.service.storage import EventWriter, Retention
 from lumpwatch.service.telemetry import MonitorMetrics, ProofMetrics, WorkerLink
 

@@ -151,7 +151,7 @@ def _write_alarms(
     at = Clocks(result.frame.capture_s, result.frame.capture_s - start_s)
     for change in result.changes:
         sequences[result.roi] += 1
-        event = alarm_event(result, change, site, camera, sequences[result.roi], at, start_s)
+        event = alarm_event(result, change, site, camera, sequences[result.roi], at, start_s=start_s)
         file.write(event.line() + b"\n")
 
 

@@ -159,10 +159,10 @@ def alarm_event(
     camera: str,
     sequence: int,
     clocks: Clocks,
+    *,
     start_s: float = 0.0,
     latency: Latency | None = None,
     evidence: str | None = None,
-    *,
     test: bool = False,
 ) -> AlarmEvent:
     """The record of one change in a result; `sequence` makes its id unique within the source."""

@@ -23,6 +23,7 @@ from typing import Protocol
 
 from lumpwatch.service.core import Alarm, AlarmClass
 from lumpwatch.service.storage.event import Event
+from lumpwatch.service.storage.event_batch import Batch
 from lumpwatch.service.storage.event_log import (
     Entry,
     EventLog,
@@ -79,6 +80,7 @@ class EventWriter:
         camera: str,
         observer: EventObserver,
         wall: Callable[[], float],
+        *,
         retry_s: float = RETRY_S,
         open_log: Callable[[Path, bool], EventLog] = lambda path, check: EventLog(path, check=check),
         retention: Retention | None = None,
@@ -101,7 +103,7 @@ class EventWriter:
             self._start_reading()
         self._first = dict(self._latest)
         self._removed = 0
-        self._batches: deque[_Batch] = deque()
+        self._batches: deque[Batch] = deque()
         self._waiting = 0
         self._ill = self._log is None
         self._wake = threading.Condition()
@@ -122,13 +124,13 @@ class EventWriter:
 
     def write(self, entries: Sequence[Entry]) -> bool:
         """Whether the events are on the disk now; returns within `WAIT_S`."""
-        return self._hand_over(_Batch(tuple(entries)))
+        return self._hand_over(Batch(tuple(entries)))
 
     def add(self, notes: Sequence[Note], *, wait: bool) -> bool:
         """The same for verdicts and spans of watching; without `wait` they are written some time later."""
-        return self._hand_over(_Batch((), notes=tuple(notes)), wait)
+        return self._hand_over(Batch((), notes=tuple(notes)), wait)
 
-    def _hand_over(self, batch: _Batch, wait: bool = True) -> bool:
+    def _hand_over(self, batch: Batch, wait: bool = True) -> bool:
         with self._wake:
             if self._waiting + batch.rows > MOST_WAITING:
                 self._observer.event_problem("lost", batch.rows)
@@ -148,7 +150,7 @@ class EventWriter:
         """The records of these (ROI, id) are on the bus; written some time later."""
         with self._wake:
             if len(self._batches) < 2 * MOST_WAITING:  # else some are sent twice, with the same number
-                self._batches.append(_Batch((), tuple(sent)))
+                self._batches.append(Batch((), tuple(sent)))
                 self._wake.notify()
 
     def close(self) -> None:
@@ -210,7 +212,7 @@ class EventWriter:
                 return True
         return False
 
-    def _store_what_can_be(self, batch: _Batch) -> None:
+    def _store_what_can_be(self, batch: Batch) -> None:
         """Write the batch; rows that no file would take are set aside, the others written."""
         try:
             self._store(batch)
@@ -245,7 +247,7 @@ class EventWriter:
         except EventLogError as error:
             log.warning("%s; all alarms begin as NORMAL", error)
 
-    def _store(self, batch: _Batch) -> None:
+    def _store(self, batch: Batch) -> None:
         if self._log is None:
             new = not self._path.exists()
             self._log = self._open_log(self._path, False)
@@ -296,42 +298,3 @@ class EventWriter:
         if text != self._told:  # once, not with every attempt
             log.error("event log %s; detection and the bus go on", text)
         self._told = text
-
-
-class _Batch:
-    """Some events, or news of what was published, and whether they are on the disk."""
-
-    def __init__(
-        self,
-        entries: tuple[Entry, ...],
-        sent: tuple[tuple[str, str], ...] = (),
-        notes: tuple[Note, ...] = (),
-    ) -> None:
-        self.entries = entries
-        self.sent = sent
-        self.notes = notes
-        self.rows = len(entries) + len(notes)
-        self.done = threading.Event()
-        self.written = False
-        self.refused = 0
-        """Rows whose values are such that they can never be written."""
-
-    def parts(self) -> list[_Batch]:
-        """One for each row."""
-        return [
-            *(_Batch((one,)) for one in self.entries),
-            *(_Batch((), notes=(one,)) for one in self.notes),
-            *(_Batch((), sent=(one,)) for one in self.sent),
-        ]
-
-    @property
-    def name(self) -> str:
-        """What it holds, for people."""
-        ids = [f"{one.event.roi}/{one.event.id}" for one in self.entries]
-        ids += [f"{type(one).__name__} of {one.roi}" for one in self.notes]
-        return ", ".join(ids) or "news of what was published"
-
-    def finish(self, *, written: bool) -> None:
-        """Tell who waits."""
-        self.written = written
-        self.done.set()

@@ -10,10 +10,11 @@ from contextlib import contextmanager
 import pytest
 
 from lumpwatch.service.bus.client import Bus
-from lumpwatch.service.bus.endpoints import Reply, Service, from_wire, to_wire
+from lumpwatch.service.bus.endpoints import Reply, from_wire, to_wire
 from lumpwatch.service.bus.errors import BusError
 from lumpwatch.service.bus.keys import Keys
 from lumpwatch.service.bus.ordering import Message
+from lumpwatch.service.bus.services import Service
 from lumpwatch.service.bus.session import open_client, open_hub
 from tests.bus.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config, repeat
 
@@ -288,7 +289,12 @@ def test_parameters_that_are_not_utf8_are_refused(
     one: Bus, two: Bus, caplog: pytest.LogCaptureFixture
 ) -> None:
     asked: list[dict[str, str]] = []
-    two.serve(ACK, lambda parameters, _: (asked.append(parameters), b"done")[1])
+
+    def take(parameters: dict[str, str], _: bytes | None) -> bytes:
+        asked.append(parameters)
+        return b"done"
+
+    two.serve(ACK, take)
     eventually(lambda: one.ask(ACK) == [Reply(ACK, b"done")])
     before = len(asked)
     for bad in ("%FF", "%ED%A0%80"):

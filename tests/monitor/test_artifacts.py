@@ -128,11 +128,10 @@ def test_a_damaged_shadow_is_counted_and_none_runs(watched: Watched) -> None:
 def test_what_the_thread_finds_is_handed_over(watched: Watched) -> None:
     watched.watcher.first()
     watched.watcher.start()
-    found: list[Artifact] = []
     watched.priors.save(prior())
-    wait_for("found", lambda: (found.extend(watched.watcher.take()), found)[1], 10)
+    found = wait_for("found", watched.watcher.take, 10)
     watched.watcher.close()
-    assert versions(tuple(found)) == [("NewPrior", 1)]
+    assert versions(found) == [("NewPrior", 1)]
 
 
 class HungStore(PriorStore):
@@ -175,7 +174,6 @@ def test_a_disk_that_hangs_is_told_and_waited_for_by_nobody(
     hung.hangs.clear()
     PriorStore(tmp_path).save(prior())
     hung.released.set()
-    found: list[Artifact] = []
-    wait_for("found", lambda: (found.extend(watched.watcher.take()), found)[1], 10)
+    found = wait_for("found", watched.watcher.take, 10)
     watched.watcher.close()
-    assert versions(tuple(found)) == [("NewPrior", 1)]
+    assert versions(found) == [("NewPrior", 1)]
