@@ -311,7 +311,7 @@ def test_a_held_out_lump_is_found_when_the_alarm_stands(small: Site, material: M
     """Not at the first picture on which the filter believes in it: the alarm waits for its on-delay."""
     roi = small.camera.rois[0]
     patient = roi.model_copy(update={"alarm": roi.alarm.model_copy(update={"on_delay_s": 60.0})})
-    found = cross_validate(patient, material, 3)
+    found = cross_validate(patient, replace(material, lumps=material.lumps[:2]), 2)
     assert found is not None
     assert found.lumps
     assert not found.found
