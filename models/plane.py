@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 _LEAST_POINTS = 4
 TOLERANCE = 4.0
 """Times the stated error of a point that the best camera may miss the points by."""
+_SURE_OF_FOCAL = 0.4  # between the largest and the smallest, in their logarithm
 _STEP_S = 0.02
 """Time over which a velocity in the picture is followed on the belt."""
 
@@ -139,7 +140,11 @@ def _cameras(points_px: Array, points_mm: Array, error_px: float, width: float) 
     inside = points_mm.mean(axis=0)
     poses = [exact_pose(homography(points_mm, one), inside) for one in moved]
     exact = [pose for pose in poses if pose is not None and _usual(pose, width)]
-    if len(exact) == len(moved) and misses(exact[0], points_mm, points_px) <= 2.0 * error_px:
+    if (
+        len(exact) == len(moved)
+        and _agree(exact)
+        and misses(exact[0], points_mm, points_px) <= 2.0 * error_px
+    ):
         return _stacked(exact), misses(exact[0], points_mm, points_px)
     (first,) = best_poses(points_mm, [points_px], error_px, width)
     missed = misses(first, points_mm, points_px)
@@ -157,6 +162,11 @@ def _cameras(points_px: Array, points_mm: Array, error_px: float, width: float) 
 
 def _usual(pose: Pose, width: float) -> bool:
     return SMALLEST_VIEW_DEG < view_deg(pose.focal, width) < LARGEST_VIEW_DEG
+
+
+def _agree(poses: Sequence[Pose]) -> bool:
+    """Whether the points tell the focal length: from straight above they hardly do, and what is usual must help."""
+    return float(np.ptp(np.log([pose.focal for pose in poses]))) < _SURE_OF_FOCAL
 
 
 def _stacked(poses: Sequence[Pose]) -> Camera:

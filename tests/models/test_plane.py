@@ -142,7 +142,7 @@ def test_above_the_horizon_there_is_no_belt() -> None:
         (POINTS_MM, POINTS_MM[:4], 1.0, LIP_MM, "as many"),
         (POINTS_MM, POINTS_MM, 0.0, LIP_MM, "positive"),
         ([[0, 0], [1, 0], [2, 0], [3, 0]], POINTS_MM[:4], 1.0, LIP_MM, "one line"),
-        (GEOMETRY.to_px(POINTS_MM[:4])[[0, 2, 1, 3]], POINTS_MM[:4], 1.0, LIP_MM, "no camera"),
+        (GEOMETRY.to_px(POINTS_MM[:4])[[0, 2, 1, 3]], POINTS_MM[:4], 1.0, LIP_MM, "order"),
     ],
 )
 def test_what_is_no_calibration(px: object, mm: object, error: float, lip: object, message: str) -> None:
