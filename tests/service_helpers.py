@@ -21,6 +21,7 @@ from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.state import Y
 from lumpwatch.service.config import CameraConfig, SiteConfig, parse_config
 from lumpwatch.service.core.frame import Encoding, Frame
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood
 from lumpwatch.service.storage.prior_file import Prior, PriorMeta
 
 WIDTH, HEIGHT = 96, 64
@@ -87,7 +88,13 @@ def bright_fit(channel: Literal["luma", "colour"] = "luma") -> HistogramFit:
 
 def lump_fit() -> LumpFit:
     n = len(FEATURES)
-    return LumpFit(np.linspace(0.1, 0.8, n), np.linspace(0.5, 1.2, n), np.linspace(-1.0, 1.0, 2 * n), 0.25)
+    return LumpFit(
+        np.linspace(0.1, 0.8, n),
+        np.linspace(0.5, 1.2, n),
+        np.linspace(-1.0, 1.0, 2 * n),
+        0.25,
+        net=default_likelihood().net,
+    )
 
 
 def prior(

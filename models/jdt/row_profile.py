@@ -43,6 +43,11 @@ class RowProfile:
         """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
         return _interpolate(rows, self.first_row, self.row_step, self.mean, self.spread)
 
+    def log_size(self, height: int) -> NDArray[np.float64]:
+        """Mean log size, of root of width times height, at the rows of a picture (height,)."""
+        mean, _ = self.at(np.arange(height, dtype=np.float64) + 0.5)
+        return 0.5 * (mean[:, 2] + mean[:, 3])
+
     def follow(self, before: States, after: States, dt: float, rng: np.random.Generator) -> None:
         """Give the moved particles their sizes after `dt` seconds (in place).
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lumpwatch.models.jdt.births import PolygonBirths
 from lumpwatch.models.likelihood.lump import LumpObservation
 from lumpwatch.models.roi import View
-from lumpwatch.models.state import H, States, W, X, Y
+from lumpwatch.models.state import H, States, W, X, Y, blank
 
 _JITTERED = 4
 TRIED = 400
@@ -31,6 +31,13 @@ class LabelledView:
     view: View
     objects: States
     """States of the labelled objects (n, 8), n may be 0."""
+    doubtful: States = field(default_factory=lambda: blank(0))
+    """States of what is neither an object to learn from nor background (m, 8)."""
+
+    @property
+    def taken(self) -> States:
+        """Where background is not to be looked for (n + m, 8)."""
+        return np.concatenate([self.objects, self.doubtful]) if len(self.doubtful) else self.objects
 
 
 def mistaken(
@@ -45,6 +52,8 @@ def mistaken(
     tried = tried[~_touching(tried, objects)]
     score = seen.score(tried)
     best = tried[np.argsort(-score, kind="stable")[:_SEEDS]]
+    if len(best) == 0:
+        return best
     for _ in range(_CLIMBS):
         around = np.repeat(best, _MOVES, axis=0)
         moved = around.copy()

@@ -9,7 +9,7 @@ the same, the logit of a logistic regression is the log likelihood ratio.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,7 @@ from lumpwatch.models.likelihood.lump import (
     FEATURES,
     LumpLikelihood,
     LumpObservation,
+    Maps,
     expand,
     neutral,
     standardised,
@@ -40,7 +41,7 @@ from lumpwatch.models.likelihood.patterns import no_patterns
 from lumpwatch.models.state import States
 
 _LUMP_RIDGE = 3e-3
-_TRUST = 0.1
+_TRUST = 0.02
 """Ridge towards what is known of lumps elsewhere."""
 _NO_RIDGE = 1e-6
 
@@ -52,6 +53,7 @@ Scene = tuple[Sequence[LabelledView], PolygonBirths]
 def fit_lump(
     scenes: Sequence[Scene],
     rng: np.random.Generator,
+    maps: Maps,
     known: LumpFit | None = None,
     rounds: int = 4,
     patterns: int = 0,
@@ -62,23 +64,25 @@ def fit_lump(
     (a Gaussian prior around its weights), and its patterns are taken as they are. Where nothing is known, as many
     `patterns` as asked are learned too. Raises ValueError where no labelled box can be judged.
     """
-    asked = neutral()
+    asked = neutral(maps)
+    seen_once = [
+        _Glance(item, births, maps(item.view.gray).astype(np.float16))
+        for views, births in scenes
+        for item in views
+    ]
     nothing = np.empty((0, len(FEATURES)))
     on, beside, badly = [nothing], [nothing], [nothing]
-    for item, births in _pictures(scenes):
-        seen = asked.observe(item.view)
+    for item, births, seen in _observed(asked, seen_once):
         on.append(_usable(seen, jitter(item.objects, rng)))
-        beside.append(_usable(seen, elsewhere(births.draw(TRIED // 8, rng)[0], item.objects)))
+        beside.append(_usable(seen, elsewhere(births.draw(TRIED // 8, rng)[0], item.taken)))
         badly.append(_usable(seen, misfits(item.objects, rng)))
     found = np.concatenate(on)
     if len(found) == 0:
         raise ValueError("no labelled box lies inside the region")
     fit = _fit_features(found, np.concatenate([*beside, *badly]), known)
     for _ in range(rounds):
-        model = _likelihood(fit)
-        for item, births in _pictures(scenes):
-            seen = model.observe(item.view)
-            beside.append(_usable(seen, mistaken(seen, births, item.objects, rng)))
+        for item, births, seen in _observed(_likelihood(fit, maps), seen_once):
+            beside.append(_usable(seen, mistaken(seen, births, item.taken, rng)))
             badly.append(_usable(seen, tempting(seen, item.objects, rng)))
         missed = np.concatenate([*beside, *badly])
         fit = (
@@ -89,8 +93,22 @@ def fit_lump(
     return _against_ore(fit, found, np.concatenate(beside))
 
 
-def _pictures(scenes: Sequence[Scene]) -> Iterator[tuple[LabelledView, PolygonBirths]]:
-    return ((item, births) for views, births in scenes for item in views)
+@dataclass(frozen=True, slots=True)
+class _Glance:
+    """A picture to learn from, and what the net says of it: it is asked once."""
+
+    item: LabelledView
+    births: PolygonBirths
+    maps: NDArray[np.float16]
+
+
+def _observed(
+    likelihood: LumpLikelihood, glances: Sequence[_Glance]
+) -> Iterator[tuple[LabelledView, PolygonBirths, LumpObservation]]:
+    for one in glances:
+        expected = one.births.profile.log_size(one.item.view.gray.shape[0])
+        seen = likelihood.observe_maps(one.maps.astype(np.float32), one.item.view, expected=expected)
+        yield one.item, one.births, seen
 
 
 def _usable(seen: LumpObservation, states: States) -> NDArray[np.float64]:
@@ -98,8 +116,10 @@ def _usable(seen: LumpObservation, states: States) -> NDArray[np.float64]:
     return features[valid]
 
 
-def _likelihood(fit: LumpFit) -> LumpLikelihood:
-    return LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf, patterns=fit.patterns)
+def _likelihood(fit: LumpFit, maps: Maps) -> LumpLikelihood:
+    return LumpLikelihood(
+        maps, fit.mean, fit.scale, fit.weights, fit.offset, 1.0, np.inf, patterns=fit.patterns
+    )
 
 
 def _fit_features(found: NDArray[np.float64], missed: NDArray[np.float64], known: LumpFit | None) -> LumpFit:
@@ -111,7 +131,8 @@ def _fit_features(found: NDArray[np.float64], missed: NDArray[np.float64], known
     else:
         mean, scale, patterns, ridge, towards = known.mean, known.scale, known.patterns, _TRUST, known.weights
     fit = logistic(expand(standardised(both, mean, scale), patterns), is_lump, ridge, towards)
-    return LumpFit(mean, scale, fit.weights, fit.offset, patterns=patterns)
+    net = "" if known is None else known.net
+    return LumpFit(mean, scale, fit.weights, fit.offset, patterns=patterns, net=net)
 
 
 def _against_ore(fit: LumpFit, found: NDArray[np.float64], ore: NDArray[np.float64]) -> LumpFit:

@@ -17,12 +17,12 @@ from lumpwatch.models.likelihood.histogram import Channel
 from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
 
-DEFAULT_LOOKS_PER_S = 3.75
-"""Where nothing was learned: a quarter of each frame counts at 15 frames a second."""
+DEFAULT_LOOKS_PER_S = 12.0
+"""Where nothing was learned: all of each frame counts at 12 frames a second, half of it at 24."""
 
-DEFAULT_MARGIN = 3.0
-"""Training looks at minutes, a filter at months: in hours of ore there are stones that look more like a lump than any
-that training saw, and one of them lies there for as long as a lump would."""
+DEFAULT_MARGIN = 2.0
+"""Where nothing was learned. Training looks at minutes, a filter at months: in hours of ore there are stones that look
+more like a lump than any that training saw, and one of them lies there for as long as a lump would."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +38,8 @@ class LumpFit:
     patterns: Patterns = field(default_factory=lambda: no_patterns(len(FEATURES)))
     margin: float = DEFAULT_MARGIN
     """How far the score of a box must lie above even odds before it speaks for a lump."""
+    net: str = ""
+    """Name of the net whose maps it scores."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from lumpwatch.models.likelihood.lump import standardised
 from lumpwatch.models.likelihood.patterns import Patterns
 
 _RIDGE = 3e-4
-_STEPS = 150
+_STEPS = 300
 """More steps fit the boxes at hand better, and others worse."""
 _FIRST = 0.1
 

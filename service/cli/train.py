@@ -21,7 +21,7 @@ from lumpwatch.service.offline import PlotError, draw_prior
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import Prior, PriorStore
 from lumpwatch.service.training import (
-    GRID,
+    TRIALS,
     Material,
     Trained,
     Validation,
@@ -183,7 +183,7 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     clips = clips_of(pairs, arguments.without_lumps)
     material = gather(camera, roi, clips, lambda name, length: progress(f"reading {name}", length))
     trained = learn(roi, material.footage, material.tracks, ", ".join(str(labels) for _, labels in pairs))
-    with progress("tempering", len(GRID)) as advance:
+    with progress("tempering", TRIALS) as advance:
         trained = tempered(roi, material.footage, trained, advance)
     store = PriorStore(config.store.path, config.store.keep_priors)
     taken = take(

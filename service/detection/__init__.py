@@ -3,13 +3,15 @@
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.base import SHOWN_ABOVE, Detector, FilterState
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, make_likelihood, make_profile
+from lumpwatch.service.detection.detectors.jdt import JdtDetector
+from lumpwatch.service.detection.detectors.make import make_detector
 from lumpwatch.service.detection.network import make_network
 from lumpwatch.service.detection.observer import Unobserved
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.detection.region import make_region
-from lumpwatch.service.detection.region_channel import RegionChannel, RegionMisfitError
+from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
 from lumpwatch.service.detection.shadow.shadows import Shadows
-from lumpwatch.service.detection.shipped_likelihood import default_likelihood
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
 from lumpwatch.service.detection.sizing import Looks, make_plane
 from lumpwatch.service.detection.snapshot import Snapshot
 
@@ -20,14 +22,18 @@ __all__ = [
     "CameraQuality",
     "Detector",
     "FilterState",
+    "JdtDetector",
     "Looks",
+    "MakeDetector",
     "RegionChannel",
     "RegionMisfitError",
     "Shadows",
     "Snapshot",
     "Unobserved",
     "default_likelihood",
+    "make_detector",
     "make_likelihood",
+    "make_net",
     "make_network",
     "make_plane",
     "make_profile",

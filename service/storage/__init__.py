@@ -19,7 +19,7 @@ from lumpwatch.service.storage.event_notes import (
     raised_alarm,
     watched_spans,
 )
-from lumpwatch.service.storage.fit_arrays import known_lump
+from lumpwatch.service.storage.fit_arrays import known_lump, told
 from lumpwatch.service.storage.footage_archive import FootageArchive
 from lumpwatch.service.storage.label_file import (
     Box,
@@ -75,6 +75,7 @@ __all__ = [
     "read_state",
     "reading",
     "replace_file",
+    "told",
     "watched_spans",
     "write_new_file",
 ]

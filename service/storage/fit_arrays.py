@@ -9,10 +9,17 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, LumpFit
 from lumpwatch.models.likelihood.histogram import BINS, Channel
-from lumpwatch.models.likelihood.lump import FEATURES, MEASURES
+from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
 
 Arrays = dict[str, NDArray[Any]]
+
+_OLD_FEATURES = (8, 68)
+"""Of likelihoods before the net."""
+
+
+class OutdatedError(ValueError):
+    """A fit of an older version; the text says what to do."""
 
 
 def told(fit: LumpFit | HistogramFit) -> Arrays:
@@ -27,6 +34,8 @@ def told(fit: LumpFit | HistogramFit) -> Arrays:
         "fit_weights": fit.weights,
         "fit_line": np.array([fit.offset]),
     }
+    if fit.net:
+        arrays["fit_net"] = np.frombuffer(fit.net.encode(), np.uint8)
     if len(fit.patterns.offsets):
         arrays |= {"fit_directions": fit.patterns.directions, "fit_offsets": fit.patterns.offsets}
     return arrays
@@ -48,15 +57,12 @@ def _check(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> None:
 
 
 def known_lump(arrays: Arrays) -> LumpFit:
-    """A lump's likelihood; in a prior from before the template, or before the patterns, their weights are zero.
-
-    Raises KeyError or ValueError where it cannot be right.
-    """
-    mean, scale, weights = arrays["fit_mean"], arrays["fit_scale"], arrays["fit_weights"]
-    known = len(mean)
-    if known not in (len(MEASURES), len(FEATURES)):
-        raise ValueError(f"fit_mean has shape {mean.shape}")
-    patterns = no_patterns(len(FEATURES))
+    """A lump's likelihood. Raises OutdatedError for one of hand-made features, KeyError or ValueError if it is none."""
+    mean = arrays["fit_mean"]
+    known = len(FEATURES)
+    if len(mean) in _OLD_FEATURES:
+        raise OutdatedError("was trained by a version without a net: train again")
+    patterns = no_patterns(known)
     if "fit_directions" in arrays:
         patterns = Patterns(arrays["fit_directions"], arrays["fit_offsets"])
     count = len(patterns.offsets)
@@ -66,16 +72,15 @@ def known_lump(arrays: Arrays) -> LumpFit:
     if count:
         shapes |= {"fit_directions": (count, known), "fit_offsets": (count,)}
     _check(arrays, shapes)
-    more = len(FEATURES) - known
-    linear, square, joint = np.split(weights, (known, 2 * known))
     return LumpFit(
-        mean=np.pad(mean, (0, more)),
-        scale=np.pad(scale, (0, more), constant_values=1.0),
-        weights=np.concatenate([np.pad(linear, (0, more)), np.pad(square, (0, more)), joint]),
+        mean=mean,
+        scale=arrays["fit_scale"],
+        weights=arrays["fit_weights"],
         offset=float(arrays["fit_line"][0]),
         looks_per_s=_looks(arrays),
         patterns=patterns,
         margin=_margin(arrays),
+        net=bytes(arrays["fit_net"].astype(np.uint8)).decode("ascii") if "fit_net" in arrays else "",
     )
 
 

@@ -134,6 +134,8 @@ def decode_prior(content: bytes, name: str) -> Prior:
         learned = _learned(meta, arrays)
         known = {key: meta[key] for key in PriorMeta.model_fields}
         prior = Prior(PriorMeta.model_validate(known), learned)
+    except fit_arrays.OutdatedError as error:
+        raise PriorError(f"{name}: {error}") from error
     except Exception as error:
         # The checksum holds, so this is another program's file: whatever is wrong, it is not a prior.
         raise PriorError(

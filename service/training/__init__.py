@@ -5,7 +5,7 @@ from lumpwatch.service.training.coverage import coverage_warnings, validation_wa
 from lumpwatch.service.training.cross_validation import Validation, cross_validate
 from lumpwatch.service.training.dataset import Material, clips_of, gather
 from lumpwatch.service.training.evidence_labels import export
-from lumpwatch.service.training.evidence_rate import GRID
+from lumpwatch.service.training.evidence_rate import TRIALS
 from lumpwatch.service.training.label_proposals import accept_proposals, parse_ids, to_text
 from lumpwatch.service.training.learner import Trained, learn, tempered
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
@@ -16,7 +16,7 @@ from lumpwatch.service.training.report import training_report
 from lumpwatch.service.training.sources import missing_sources, sources_text
 
 __all__ = [
-    "GRID",
+    "TRIALS",
     "ConfirmedClip",
     "Material",
     "Recording",

@@ -192,7 +192,7 @@ def _verdicts(
     roi = material.footage.roi
     profile = around_limit(learned.profile.scaled(float(roi.shape[0])), roi.limit_px)
     births = polygon_births(roi.mask, profile, np.ones(1))
-    likelihood = make_likelihood(_untempered(config), learned)
+    likelihood = make_likelihood(_untempered(config), learned, roi)
     keys = {(lump.clip, lump.id) for lump in lumps}
     return {
         k: judge(likelihood, view, births, rng, TRIED)

@@ -10,7 +10,7 @@ well, so each quarter of the footage is judged by what the others taught (cross-
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,20 +18,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.learning import Learned, LumpFit
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S
-from lumpwatch.service.config import JdtConfig, LumpConfig, RoiConfig
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_MARGIN
+from lumpwatch.models.likelihood.lump import Maps
+from lumpwatch.models.likelihood.net import Remembered
+from lumpwatch.models.roi import Roi
+from lumpwatch.service.config import DetectorConfig, JdtConfig, LumpConfig, RoiConfig
+from lumpwatch.service.detection import Detector, JdtDetector, make_detector, make_net
 from lumpwatch.service.training.fitting import fit_likelihood
 from lumpwatch.service.training.footage import Footage, TrainingError
 from lumpwatch.service.training.watching import watch
 
-GRID = (1.5, 2.25, DEFAULT_LOOKS_PER_S, 5.0, 7.5, 11.0)
+GRID = (5.0, 7.5, DEFAULT_LOOKS_PER_S, 18.0, 25.0)
 """Looks a second that are tried, ascending; the search begins with the most."""
-MOST_WITH_LIMIT = 7.5
+MOST_WITH_LIMIT = 18.0
 """Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
 Without a limit it is the default."""
 QUIET_S = 300.0
 """With so much footage without lumps all are tried: a minute full of lumps shows what too little evidence costs, and
 hardly what too much does."""
+MARGINS = (0.75, 1.5, DEFAULT_MARGIN, 3.0)
+"""Margins that are tried, ascending; the search begins with the largest."""
+TRIALS = len(MARGINS) + len(GRID)
+"""Candidates that are judged, at most."""
 FOLDS = 4
 FIT_VIEWS = 450
 """Pictures that a fold learns from, at most."""
@@ -52,29 +60,42 @@ def temper(roi: RoiConfig, footage: Footage, learned: Learned, advance: Callable
         return learned
     folds = cut_in_folds(footage)
     profile = learned.profile.scaled(float(footage.roi.shape[0]))
+    maps = Remembered(make_net())
     try:
-        fits = [fit_likelihood(config, fold.rest, profile, "a part of the footage") for fold in folds]
+        fits = [fit_likelihood(config, fold.rest, profile, "a part of the footage", maps) for fold in folds]
     except TrainingError:
         return learned
     if not fits:
         return learned
-    best, best_score = fit.looks_per_s, -np.inf
+
+    def score(looks: float, margin: float) -> float:
+        existence = [
+            _existence(roi, fold.judged, tuned(replace(learned, likelihood=one), looks, margin), maps)
+            for fold, one in zip(folds, fits, strict=True)
+        ]
+        present = [_labelled(fold.judged) for fold in folds]
+        return log_score(np.concatenate(existence), np.concatenate(present))
+
+    done = iter(range(1, TRIALS + 1))
+    margins = MARGINS if config.likelihood.margin is None else (config.likelihood.margin,)
+    margin = _best(reversed(margins), lambda one: score(fit.looks_per_s, one), lambda: advance(next(done)))
     quiet_s = footage.interval_s * footage.count * float(1.0 - _labelled(footage).mean())
     most = DEFAULT_LOOKS_PER_S if footage.roi.limit_px is None else MOST_WITH_LIMIT
     tried = [looks for looks in GRID if looks <= most or quiet_s >= QUIET_S]
-    for number, looks in enumerate(reversed(tried), start=1):
-        existence = [
-            _existence(roi, fold.judged, with_looks(replace(learned, likelihood=one), looks))
-            for fold, one in zip(folds, fits, strict=True)
-        ]
-        score = log_score(
-            np.concatenate(existence), np.concatenate([_labelled(fold.judged) for fold in folds])
-        )
-        advance(number)
-        if score <= best_score:
-            break  # one peak: too much evidence before it, too little behind it
-        best, best_score = looks, score
-    return with_looks(learned, best)
+    looks = _best(reversed(tried), lambda one: score(one, margin), lambda: advance(next(done)))
+    return tuned(learned, looks, margin)
+
+
+def _best(tried: Iterable[float], score: Callable[[float], float], told: Callable[[], None]) -> float:
+    """The one with the best score, which has one peak: it is past where a score is no better than the last."""
+    best, best_score = np.nan, -np.inf
+    for one in tried:
+        reached = score(one)
+        told()
+        if reached <= best_score:
+            break
+        best, best_score = one, reached
+    return best
 
 
 def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
@@ -121,12 +142,24 @@ def _labelled(footage: Footage) -> NDArray[np.bool_]:
 def with_looks(learned: Learned, looks_per_s: float) -> Learned:
     """The same with other looks a second, where its likelihood is a lump's."""
     fit = learned.likelihood
+    return learned if not isinstance(fit, LumpFit) else tuned(learned, looks_per_s, fit.margin)
+
+
+def tuned(learned: Learned, looks_per_s: float, margin: float) -> Learned:
+    """The same with other looks a second and another margin, where its likelihood is a lump's."""
+    fit = learned.likelihood
     if not isinstance(fit, LumpFit):
         return learned
-    return replace(learned, likelihood=replace(fit, looks_per_s=looks_per_s))
+    return replace(learned, likelihood=replace(fit, looks_per_s=looks_per_s, margin=margin))
 
 
-def _existence(roi: RoiConfig, footage: Footage, learned: Learned) -> NDArray[np.float64]:
+def _existence(roi: RoiConfig, footage: Footage, learned: Learned, maps: Maps) -> NDArray[np.float64]:
     """Existence after each picture, every clip from its beginning."""
-    said = [channel.detection for _, channel in watch(roi, footage, learned)]
-    return np.array([one.existence for one in said if one is not None])
+
+    def make(config: DetectorConfig, geometry: Roi, learned: Learned | None) -> Detector:
+        if isinstance(config, JdtConfig):
+            return JdtDetector(config, geometry, learned, maps)
+        return make_detector(config, geometry, learned)
+
+    said = [channel.detection for _, channel in watch(roi, footage, learned, make=make)]
+    return np.array([detection.existence for detection in said if detection is not None])

@@ -153,7 +153,7 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
 def tempered(
     roi: RoiConfig, footage: Footage, trained: Trained, advance: Callable[[int], None] = lambda _: None
 ) -> Trained:
-    """The training with its evidence tempered; `advance` is told how many candidates were judged, of `GRID`."""
+    """The training with its evidence tempered; `advance` is told how many candidates were judged, of `TRIALS`."""
     return replace(trained, learned=temper(roi, footage, trained.learned, advance))
 
 

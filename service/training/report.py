@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lumpwatch.models.learning.learned import Learned, LumpFit
-from lumpwatch.models.likelihood.lump import FEATURES, MEASURES, WEIGHTS
+from lumpwatch.models.likelihood.lump import FEATURES, WEIGHTS
 from lumpwatch.service.config import JdtConfig, LumpConfig, NetworkConfig, RoiConfig
 from lumpwatch.service.offline import (
     html_figure,
@@ -26,25 +26,35 @@ from lumpwatch.service.training.cross_validation import HeldOut, Validation
 from lumpwatch.service.training.dataset import Material
 from lumpwatch.service.training.report_pictures import (
     moment_bgr,
-    patterns_png,
     places_png,
     prior_png,
     reliability_png,
     sketch,
-    template_png,
 )
 
 MOST_MOMENTS = 6
 
 _WORDS = {
-    "brightness": "brighter than the ring around it",
-    "contrast": "brighter or darker than the ring around it",
-    "weakest_side": "stands out on every side",
-    "texture": "rougher than the ring around it",
-    "outline": "edges along its outline, not inside",
-    "spread": "uneven brightness inside",
-    "core_texture": "rough inside, measured by the contrast around",
-    "ring_texture": "rough around, measured by the contrast there",
+    "body": "lies on a body with an outline",
+    "body_core": "its core lies on a body",
+    "body_ring": "the ring around it lies on bodies too",
+    "edge_core": "outlines pass through its core",
+    "edge_rim": "an outline passes along its rim",
+    "edge_ring": "outlines pass through the ring around it",
+    "left": "its body ends further right on the left side",
+    "upper": "its body ends further down at the top",
+    "right": "its body ends further right on the right side",
+    "lower": "its body ends further down at the bottom",
+    "votes": "its cells tell of a body about as large, there",
+    "close_votes": "its cells tell of a body of just that box",
+    "agreement": "those of its cells that lie on a body tell of that box",
+    "size_around": "larger than what lies around it",
+    "size_ring": "larger than what touches it",
+    "size_usual": "larger than what usually lies in the region",
+    "bodies_around": "larger than the bodies around it",
+    "bodies_usual": "larger than bodies usually are in the region",
+    "size": "larger than lumps are at its row",
+    "aspect": "wider than high",
 }
 
 
@@ -225,11 +235,11 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
             title, [html_paragraph("The likeness of its histogram to that of the labelled lumps.")]
         )
     linear, square = fit.weights[: len(FEATURES)], fit.weights[len(FEATURES) : WEIGHTS]
-    order = np.argsort(-(np.abs(linear) + np.abs(square))[: len(MEASURES)])
+    order = np.argsort(-(np.abs(linear) + np.abs(square)), kind="stable")
     rows = [
         (
-            html_text(MEASURES[k]),
-            html_text(_WORDS[MEASURES[k]]),
+            html_text(FEATURES[k]),
+            html_text(_WORDS[FEATURES[k]]),
             _says(float(linear[k])),
             _bend(float(square[k])),
         )
@@ -249,24 +259,15 @@ def _likelihood(config: JdtConfig, learned: Learned) -> str:
         html_paragraph(looks),
         html_paragraph(about, "note"),
         html_table(headings, rows),
-        html_picture(template_png(fit), "what more brightness, texture or upright edges in each cell says"),
-        html_paragraph(
-            "The box (black) and what lies around it, cell by cell. Blue: more of it speaks for a lump; red: "
-            "against.",
-            "note",
-        ),
     ]
     if len(fit.patterns.offsets):
-        parts += [
+        parts.append(
             html_paragraph(
-                f"{len(fit.patterns.offsets)} patterns tell what several of these say together, such as a crease at "
-                "any of several places. They were learned elsewhere; this footage weighed them anew. Those with the "
-                "most weight, a row each: blue adds to the pattern, red takes from it, and the number is what the "
-                "pattern at its strongest adds to the log likelihood ratio.",
+                f"{len(fit.patterns.offsets)} patterns tell what several of these say together. They were learned "
+                "elsewhere; this footage weighed them anew.",
                 "note",
-            ),
-            html_picture(patterns_png(fit), "the patterns with the most weight, cell by cell"),
-        ]
+            )
+        )
     return html_section(title, parts)
 
 

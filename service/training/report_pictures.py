@@ -8,13 +8,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, conditional
-from lumpwatch.models.learning.learned import Learned, LumpFit
+from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.learning.validation import Bin
-from lumpwatch.models.likelihood.lump import FEATURES, MEASURES, WEIGHTS
-from lumpwatch.models.likelihood.template import CELLS, CHANNELS, COLUMNS, SPAN
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import VX, VY, H, W, X, Y, blank
 from lumpwatch.service.offline import draw_prior, new_figure
@@ -24,7 +21,6 @@ from lumpwatch.service.training.dataset import Material
 
 _STEP = 4
 _SKETCH_W, _SKETCH_H = 220, 44
-SHOWN_PATTERNS = 4
 _GREEN, _RED = (90, 200, 90), (60, 60, 235)
 
 
@@ -118,39 +114,6 @@ def reliability_png(bins: Sequence[Bin]) -> bytes:
         ylabel="share of lumps that held-out boxes show",
     )
     return _png(fig)
-
-
-def template_png(fit: LumpFit) -> bytes:
-    """What each cell of the template says, over the box that it belongs to, one panel a channel."""
-    return _cells_png([("", fit.weights)])
-
-
-def patterns_png(fit: LumpFit) -> bytes:
-    """The patterns with the most weight, a row each: what each cell adds to it."""
-    weights = fit.weights[WEIGHTS:]
-    order = np.argsort(-np.abs(weights), kind="stable")[:SHOWN_PATTERNS]
-    return _cells_png([(f"{weights[k]:+.2f}", fit.patterns.directions[k]) for k in order])
-
-
-def _cells_png(rows: Sequence[tuple[str, NDArray[np.float64]]]) -> bytes:
-    """Rows of numbers of the features, each with a name, as one panel a channel."""
-    fig = new_figure(2.5 * len(CHANNELS), 2.7 * len(rows))
-    margin = 0.5 * (1.0 - 1.0 / SPAN)
-    for (name, numbers), panels in zip(
-        rows, fig.subplots(len(rows), len(CHANNELS), squeeze=False), strict=True
-    ):
-        cells = numbers[len(MEASURES) : len(FEATURES)].reshape(CELLS, COLUMNS, len(CHANNELS))
-        whole = np.concatenate([cells, cells[:, CELLS - COLUMNS - 1 :: -1]], axis=1)
-        most = max(float(np.abs(whole).max()), 1e-9)
-        for k, panel in enumerate(panels):
-            panel.imshow(whole[..., k], cmap="RdBu", vmin=-most, vmax=most, extent=(0, 1, 1, 0))
-            panel.plot(*zip(*_corners(margin, 1.0 - margin), strict=True), color="black", lw=1)
-            panel.set(title=f"{CHANNELS[k].replace('_', ' ')} {name}", xticks=[], yticks=[])
-    return _png(fig)
-
-
-def _corners(low: float, high: float) -> tuple[tuple[float, float], ...]:
-    return (low, low), (high, low), (high, high), (low, high), (low, low)
 
 
 def _png(fig: Any) -> bytes:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from lumpwatch.models.learning import LabelledView, Learned
 from lumpwatch.service.config import RoiConfig
-from lumpwatch.service.detection import RegionChannel
+from lumpwatch.service.detection import MakeDetector, RegionChannel, make_detector
 from lumpwatch.service.storage import Prior, PriorMeta
 from lumpwatch.service.training.footage import Footage, Moment
 
@@ -19,17 +19,18 @@ def watch(
     footage: Footage,
     learned: Learned,
     wanted: Callable[[Moment], bool] = lambda moment: True,
+    make: MakeDetector = make_detector,
 ) -> Iterator[tuple[Picture, RegionChannel]]:
     """Step through the wanted pictures; gives each with the channel after it, which begins anew with each clip."""
     pictures: Iterable[Picture] = zip(footage.views, footage.moments, strict=True)
     clip: int | None = None
-    channel = RegionChannel(roi, None)
+    channel = RegionChannel(roi, None, make=make)
     for view, moment in pictures:
         if not wanted(moment):
             continue
         if moment.clip != clip:
             clip = moment.clip
-            channel = RegionChannel(roi, _bound(roi, footage, learned))
+            channel = RegionChannel(roi, _bound(roi, footage, learned), make=make)
             channel.fit(footage.width, footage.height)
         channel.step_working(view.view.gray, view.view.colour, moment.time_s)
         yield (view, moment), channel

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from lumpwatch.models.jdt.density import GridDensity
 from lumpwatch.models.learning import LumpFit
-from lumpwatch.models.likelihood.lump import FEATURES, expand, standardised
+from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.likelihood.patterns import Patterns
 from lumpwatch.models.state import X, Y
 from lumpwatch.service.storage.prior_file import PriorError, decode_prior, encode_prior
@@ -183,18 +183,19 @@ def test_shapes_of_profile_and_fit_are_checked(name: str, value: object) -> None
         decode_prior(_altered(name, value), "demo")
 
 
-def test_a_prior_from_before_the_template_goes_on_as_it_was() -> None:
-    """Eight features then; the template's have no weight."""
-    before = LumpFit(np.linspace(0.1, 0.8, 8), np.linspace(0.5, 1.2, 8), np.linspace(-1.0, 1.0, 16), 0.25)
-    fit = decode_prior(encode_prior(prior(learned(likelihood=before))), "demo").learned.likelihood
-    assert isinstance(fit, LumpFit)
-    rng = np.random.default_rng(0)
-    features = rng.normal(size=(20, len(FEATURES)))
-    z = (features[:, :8] - before.mean) / before.scale
-    eight = np.clip(z, -5, 5) @ before.weights[:8] + np.clip(z, -5, 5) ** 2 @ before.weights[8:]
-    assert expand(standardised(features, fit.mean, fit.scale), fit.patterns) @ fit.weights == pytest.approx(
-        eight
+@pytest.mark.parametrize("features", [8, 68])
+def test_a_prior_from_before_the_net_asks_for_training(features: int) -> None:
+    before = LumpFit(np.zeros(features), np.ones(features), np.zeros(2 * features), 0.25)
+    with pytest.raises(PriorError, match="demo: was trained by a version without a net: train again"):
+        decode_prior(encode_prior(prior(learned(likelihood=before))), "demo")
+
+
+def test_the_name_of_the_net_is_kept() -> None:
+    fit = decode_prior(
+        encode_prior(prior(learned(likelihood=replace(lump_fit(), net="0123456789abcdef")))), "demo"
     )
+    assert isinstance(fit.learned.likelihood, LumpFit)
+    assert fit.learned.likelihood.net == "0123456789abcdef"
 
 
 def test_a_prior_from_before_the_margin_has_none() -> None:

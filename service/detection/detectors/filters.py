@@ -27,10 +27,11 @@ from lumpwatch.models.jdt.row_profile import RowProfile, around_limit, default_p
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
 from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
 from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
+from lumpwatch.models.likelihood.lump import Maps
 from lumpwatch.models.roi import Roi
 from lumpwatch.service.config import JdtConfig, LumpConfig, MotionConfig, NetworkConfig
 from lumpwatch.service.detection.network import make_network
-from lumpwatch.service.detection.shipped_likelihood import default_likelihood
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
 from lumpwatch.service.errors import ConfigError
 
 # Stated defaults of a filter without a prior; lengths in ROI heights.
@@ -95,8 +96,13 @@ def _births(config: JdtConfig, learned: Learned | None, anywhere: PolygonBirths,
     return KernelBirths(places, bandwidth_of(places, "scott", LEAST_BIRTH_BANDWIDTH_H * height), anywhere)
 
 
-def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
-    """The likelihood with learned or default numbers; raises PriorMismatchError."""
+def make_likelihood(
+    config: JdtConfig, learned: Learned | None, roi: Roi | None = None, maps: Maps | None = None
+) -> Likelihood:
+    """The likelihood with learned or default numbers; raises PriorMismatchError.
+
+    `maps` stands for the net that ships. Without its region a lump's likelihood expects the same size everywhere.
+    """
     wanted = config.likelihood
     if isinstance(wanted, NetworkConfig):
         return make_network(wanted)
@@ -106,7 +112,12 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
             raise PriorMismatchError(
                 "the prior holds a histogram, the configuration asks for likelihood kind lump"
             )
+        if fit.net != default_likelihood().net:
+            raise PriorMismatchError(
+                "the prior was trained for another net than the one that ships: train again"
+            )
         return LumpLikelihood(
+            maps or make_net(),
             fit.mean,
             fit.scale,
             fit.weights,
@@ -116,6 +127,9 @@ def make_likelihood(config: JdtConfig, learned: Learned | None) -> Likelihood:
             looks_per_s=fit.looks_per_s if wanted.evidence is None else None,
             patterns=fit.patterns,
             margin=fit.margin if wanted.margin is None else wanted.margin,
+            expected=None
+            if roi is None
+            else make_profile(config.size_h, learned, roi).log_size(roi.shape[0]),
         )
     if not isinstance(fit, HistogramFit):
         raise PriorMismatchError("likelihood kind histogram needs a trained prior: run lumpwatch train")

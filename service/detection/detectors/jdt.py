@@ -12,6 +12,7 @@ from lumpwatch.models.jdt.filter import Diagnostics, JdtFilter
 from lumpwatch.models.jdt.multi_object import Appearance, MultiBelief, MultiJdtFilter
 from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.likelihood import Observation
+from lumpwatch.models.likelihood.lump import Maps
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import VX, VY, Belief, Estimate, H, W, X, Y
 from lumpwatch.models.trackers.appearance import HistogramAppearance
@@ -149,12 +150,14 @@ def _mixed(single: JdtFilter, existence: float, dt: float) -> float:
 class JdtDetector:
     """Satisfies `lumpwatch.service.detection.detectors.base.Detector`."""
 
-    def __init__(self, config: JdtConfig, roi: Roi, learned: Learned | None) -> None:
-        """Raises PriorMismatchError."""
+    def __init__(
+        self, config: JdtConfig, roi: Roi, learned: Learned | None, maps: Maps | None = None
+    ) -> None:
+        """`maps` stands for the net that ships. Raises PriorMismatchError."""
         self.roi = roi
         self.learns = True  # nothing, from frame to frame
         self._config = config
-        self._likelihood = make_likelihood(config, learned)
+        self._likelihood = make_likelihood(config, learned, self.roi, maps)
         self._appearance = HistogramAppearance()
         single, rng = make_filter(config, roi, learned), np.random.default_rng(config.seed)
         self._rng = rng
@@ -165,7 +168,7 @@ class JdtDetector:
         # Both are made before either is used: a prior that is refused changes nothing.
         single, likelihood = (
             make_filter(self._config, self.roi, learned),
-            make_likelihood(self._config, learned),
+            make_likelihood(self._config, learned, self.roi),
         )
         self._engine.use(single)
         self._likelihood = likelihood
