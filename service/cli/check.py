@@ -9,7 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.cli.common import Commands, add_command
-from lumpwatch.service.config import load_config
+from lumpwatch.service.config import CalibrationConfig, load_config
+from lumpwatch.service.detection import make_plane
+from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors, check_simulations
 
 
@@ -23,6 +25,12 @@ def add(commands: Commands) -> None:
         "lumpwatch check site.yaml",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument(
+        "--size",
+        type=_size,
+        metavar="WxH",
+        help="size of the pictures, such as 1920x1080: says how well each calibration fits them",
+    )
 
 
 def check(arguments: argparse.Namespace) -> int:
@@ -42,5 +50,32 @@ def check(arguments: argparse.Namespace) -> int:
                 roi.detector.summary,
                 notes[camera.id, roi.id],
             )
-    Console().print(table)
+    console = Console()
+    console.print(table)
+    if arguments.size is not None:
+        for camera in config.cameras:
+            for roi in camera.rois:
+                if roi.calibration is not None:
+                    console.print(
+                        _fit(f"{camera.id}/{roi.id}", roi.calibration, *arguments.size), highlight=False
+                    )
     return 0
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
+        raise argparse.ArgumentTypeError(f"'{text}' is not WIDTHxHEIGHT in pixels")
+    return int(width), int(height)
+
+
+def _fit(place: str, calibration: CalibrationConfig, width: int, height: int) -> str:
+    """How well a calibration fits pictures of that size. Raises ConfigError where it does not."""
+    try:
+        plane = make_plane(calibration, width, height)
+    except ValueError as error:
+        raise ConfigError(f"{place}: {error}") from error
+    return (
+        f"{place}: calibration fits within {plane.missed_px:.1f} px; the camera sees {plane.view_deg:.0f} degrees "
+        f"across and is {plane.cameras.centre[0, 2] / 1000:.1f} m above the belt"
+    )

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -200,6 +201,34 @@ def test_check(capsys: Captured, config: Path) -> None:
     PriorStore(config.parent / "var").save(prior())
     told = done(capsys, "check", config)
     assert all(word in told for word in ("pit", "cam", "apron", "jdt", "version 1"))
+
+
+def test_check_says_how_well_a_calibration_fits(capsys: Captured, config: Path) -> None:
+    PriorStore(config.parent / "var").save(prior())
+    tree = json.loads(config.read_text())
+    points = [[0.32, 0.20], [0.68, 0.20], [0.84, 0.70], [0.16, 0.70]]
+    calibration = {
+        "points": points,
+        "points_mm": [[0, 0], [2400, 0], [2400, 5000], [0, 5000]],
+        "lip": [[0.15, 0.77], [0.85, 0.77]],
+    }
+    tree["cameras"][0]["rois"][0]["calibration"] = calibration
+    config.write_text(json.dumps(tree))
+    assert "fits within" not in done(capsys, "check", config)
+    found = re.search(
+        r"fits within (\S+) px; .* sees (\d+) degrees", done(capsys, "check", config, "--size", "640x480")
+    )
+    assert found is not None
+    assert float(found[1]) < 8.0
+    assert 20 < int(found[2]) < 120
+    calibration["points"] = [points[k] for k in (0, 2, 1, 3)]
+    config.write_text(json.dumps(tree))
+    assert "cam/apron: calibration" in failed(capsys, "check", config, "--size", "640x480", code=2)
+
+
+@pytest.mark.parametrize("size", ["640", "640x0", "widexhigh", "-1x5"])
+def test_check_wants_a_size_in_pixels(capsys: Captured, config: Path, size: str) -> None:
+    assert size in failed(capsys, "check", config, f"--size={size}", code=2)
 
 
 def test_check_refuses_a_simulation_that_does_not_exist(capsys: Captured, tmp_path: Path) -> None:
