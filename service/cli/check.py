@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.cli.common import Commands, add_command
-from lumpwatch.service.config import CalibrationConfig, load_config
+from lumpwatch.service.config import CalibrationConfig, SiteConfig, load_config
 from lumpwatch.service.detection import make_plane
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors, check_simulations
@@ -50,16 +50,22 @@ def check(arguments: argparse.Namespace) -> int:
                 roi.detector.summary,
                 notes[camera.id, roi.id],
             )
+    fits = [] if arguments.size is None else _fits(config, *arguments.size)
     console = Console()
     console.print(table)
-    if arguments.size is not None:
-        for camera in config.cameras:
-            for roi in camera.rois:
-                if roi.calibration is not None:
-                    console.print(
-                        _fit(f"{camera.id}/{roi.id}", roi.calibration, *arguments.size), highlight=False
-                    )
+    for line in fits:
+        console.print(line, highlight=False, soft_wrap=True)
     return 0
+
+
+def _fits(config: SiteConfig, width: int, height: int) -> list[str]:
+    """How well each calibration fits pictures of that size. Raises ConfigError where one does not."""
+    return [
+        _fit(f"{camera.id}/{roi.id}", roi.calibration, width, height)
+        for camera in config.cameras
+        for roi in camera.rois
+        if roi.calibration is not None
+    ]
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -70,7 +76,6 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _fit(place: str, calibration: CalibrationConfig, width: int, height: int) -> str:
-    """How well a calibration fits pictures of that size. Raises ConfigError where it does not."""
     try:
         plane = make_plane(calibration, width, height)
     except ValueError as error:
