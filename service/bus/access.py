@@ -54,10 +54,10 @@ class Commandable(Protocol):
 def access_control(access: AccessConfig, commands: Iterable[Commandable]) -> dict[str, object]:
     """The `access_control` part of a hub's zenoh configuration; nobody but a daemon may send other commands."""
     given = tuple(commands)
-    to_all = [one.name for one in given if one.role is Role.ANYONE]
-    to_operators = [one.name for one in given if one.role is Role.OPERATOR]
-    to_plants = [one.name for one in given if one.role is Role.PLANT]
-    put = [one.name for one in given if one.role is Role.PLANT and one.puts]
+    to_all = [command.name for command in given if command.role is Role.ANYONE]
+    to_operators = [command.name for command in given if command.role is Role.OPERATOR]
+    to_plants = [command.name for command in given if command.role is Role.PLANT]
+    put = [command.name for command in given if command.role is Role.PLANT and command.puts]
     rules = [
         _rule("everything", _ALL, _ANYTHING, "ingress", "egress"),
         _rule("read", _READ, _of([*READABLE, *to_all]), "ingress"),
@@ -73,7 +73,7 @@ def access_control(access: AccessConfig, commands: Iterable[Commandable]) -> dic
         "operators": (access.operators, ["command"]),
         "plants": (access.plants, ["signal", "put"]),
     }
-    named = {role: (names, [one for one in may if one in known]) for role, (names, may) in roles.items()}
+    named = {role: (names, [rule for rule in may if rule in known]) for role, (names, may) in roles.items()}
     named = {role: given for role, given in named.items() if all(given)}
     everyone = {"id": "everyone"}  # no attribute: every certificate matches
     return {

@@ -81,8 +81,8 @@ class Publisher(Handle):
     def answer(self, query: zenoh.Query) -> None:
         """Reply with what is kept, oldest first (for the bus only)."""
         with query:
-            for one in self._kept:
-                query.reply(self._key, one.payload, attachment=stamp(one.publisher, one.number))
+            for message in self._kept:
+                query.reply(self._key, message.payload, attachment=stamp(message.publisher, message.number))
 
 
 def declare_state(session: zenoh.Session, key: str) -> ext.AdvancedPublisher:

@@ -60,9 +60,9 @@ class InOrder:
         if expected is not None and arrived.number <= expected:
             return self._new([arrived])
         before = [
-            one
-            for one in self._recent(arrived.key)
-            if one.publisher != arrived.publisher or one.number < arrived.number
+            message
+            for message in self._recent(arrived.key)
+            if message.publisher != arrived.publisher or message.number < arrived.number
         ]
         return self._new([*before, arrived])
 
@@ -73,15 +73,15 @@ class InOrder:
     def _new(self, messages: list[Message]) -> Due:
         """Those that were not due before; publisher by publisher, as they first occur."""
         known = self._next.copy()
-        publishers = {one.publisher: i for i, one in reversed(list(enumerate(messages)))}
+        publishers = {message.publisher: i for i, message in reversed(list(enumerate(messages)))}
         found: list[Message] = []
         lost = 0
-        for one in sorted(messages, key=lambda one: (publishers[one.publisher], one.number)):
-            expected = self._next.get(one.publisher, 0)
-            if not one.publisher or one.number < expected:
+        for message in sorted(messages, key=lambda message: (publishers[message.publisher], message.number)):
+            expected = self._next.get(message.publisher, 0)
+            if not message.publisher or message.number < expected:
                 continue
-            if one.publisher in known:
-                lost += one.number - expected
-            self._next[one.publisher] = one.number + 1
-            found.append(one)
+            if message.publisher in known:
+                lost += message.number - expected
+            self._next[message.publisher] = message.number + 1
+            found.append(message)
         return found, lost

@@ -35,7 +35,7 @@ class Lanes:
 
     def dispatcher(self, prefix: str, services: Mapping[str, Service]) -> Callable[[zenoh.Query], None]:
         """Hands each query of `prefix`/NAME to the lane of its service; runs in zenoh's threads, so it only submits."""
-        workers = {name: self._worker(one.lane) for name, one in services.items()}
+        workers = {name: self._worker(service.lane) for name, service in services.items()}
 
         def dispatch(query: zenoh.Query) -> None:
             name = str(query.key_expr).rpartition("/")[2]

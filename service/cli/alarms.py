@@ -123,9 +123,9 @@ def describe_state(payload: bytes) -> str:
         return f"a malformed state of {len(payload)} bytes"
     reason = f" ({state.reason.value})" if state.reason else ""
     others = "".join(
-        f", {one} alarm {stands}"
-        for one, stands in state.alarms.items()
-        if one is not AlarmClass.LUMP and stands != AlarmState.NORMAL
+        f", {alarm_class} alarm {stands}"
+        for alarm_class, stands in state.alarms.items()
+        if alarm_class is not AlarmClass.LUMP and stands != AlarmState.NORMAL
     )
     return (
         f"{state.camera}/{state.roi}: {state.state.value}{reason}, "

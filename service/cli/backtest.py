@@ -245,11 +245,11 @@ def _words(result: Result, found: Backtest) -> list[str]:
     """What the table does not say."""
     advice, wanted = result.recommendation, found.terms.false_alarms_per_hour
     last = result.points[-1]
-    lumps = [lump for one in result.judged for lump in one.truth.lumps]
+    lumps = [lump for video in result.judged for lump in video.truth.lumps]
     counted = [lump for lump in lumps if lump.counted]
     by_fall = sum(lump.lip_from == "fall label" for lump in counted)
-    outside = sum(one.truth.outside for one in result.judged)
-    lost = sum(one.recording.length - len(one.recording.frames) for one in result.judged)
+    outside = sum(video.truth.outside for video in result.judged)
+    lost = sum(video.recording.length - len(video.recording.frames) for video in result.judged)
     told = [
         f"{found.hours:.2f} hours of footage, {last.quiet_h:.2f} of them without a lump. In brackets: 95 % "
         f"intervals. Announced: at least {found.terms.least_warning_s:g} s before the lip. Warning: median | "

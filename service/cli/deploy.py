@@ -35,37 +35,39 @@ def add(commands: Commands) -> None:
         ("plan", plan, "say what `up` would do, and change nothing"),
         ("up", up, "bring the site to this image and configuration, and wait until it is ready"),
     ):
-        one = _action(actions, name, command, help_text)
-        one.add_argument("--image", default=IMAGE, metavar="NAME", help=f"image to run (default: {IMAGE})")
-        one.add_argument("--network", default="host", metavar="NAME", help="network (default: host)")
-        one.add_argument("--memory", type=_mib, metavar="MIB", help="limit (default: 512 + 1024 a camera)")
+        parser = _action(actions, name, command, help_text)
+        parser.add_argument("--image", default=IMAGE, metavar="NAME", help=f"image to run (default: {IMAGE})")
+        parser.add_argument("--network", default="host", metavar="NAME", help="network (default: host)")
+        parser.add_argument("--memory", type=_mib, metavar="MIB", help="limit (default: 512 + 1024 a camera)")
         if name == "up":
-            one.add_argument("--pull", action="store_true", help="ask the registry even where it is here")
-            one.add_argument("--build", type=Path, metavar="FOLDER", help="build the image from this source")
-            one.add_argument(
+            parser.add_argument("--pull", action="store_true", help="ask the registry even where it is here")
+            parser.add_argument(
+                "--build", type=Path, metavar="FOLDER", help="build the image from this source"
+            )
+            parser.add_argument(
                 "--build-arg", action="append", default=[], metavar="KEY=VALUE", help="for --build"
             )
-            _timeout(one)
-    one = _action(actions, "status", status, "what runs, what is kept; exit code 0 while it is ready")
-    one = _action(actions, "logs", logs, "the log of the container in use")
-    one.add_argument("--tail", type=int, default=100, metavar="N", help="last lines (default: 100)")
-    one.add_argument("--follow", action="store_true", help="go on until interrupted")
-    one = _action(actions, "rollback", rollback, "exchange the container in use and the one before")
-    _timeout(one)
+            _timeout(parser)
+    parser = _action(actions, "status", status, "what runs, what is kept; exit code 0 while it is ready")
+    parser = _action(actions, "logs", logs, "the log of the container in use")
+    parser.add_argument("--tail", type=int, default=100, metavar="N", help="last lines (default: 100)")
+    parser.add_argument("--follow", action="store_true", help="go on until interrupted")
+    parser = _action(actions, "rollback", rollback, "exchange the container in use and the one before")
+    _timeout(parser)
 
 
 def _action(
     actions: argparse._SubParsersAction[argparse.ArgumentParser], name: str, command: Command, text: str
 ) -> argparse.ArgumentParser:
-    one = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
-    one.set_defaults(command=command)
-    one.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    one.add_argument("--socket", metavar="PATH", help="socket or address of the engine")
-    return one
+    parser = actions.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+    parser.set_defaults(command=command)
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("--socket", metavar="PATH", help="socket or address of the engine")
+    return parser
 
 
-def _timeout(one: argparse.ArgumentParser) -> None:
-    one.add_argument(
+def _timeout(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "--timeout",
         type=float,
         default=120.0,
@@ -97,7 +99,7 @@ def plan(arguments: argparse.Namespace) -> int:
 
 def up(arguments: argparse.Namespace) -> int:
     """Run `deploy up`."""
-    given = [one.partition("=") for one in arguments.build_arg]
+    given = [argument.partition("=") for argument in arguments.build_arg]
     if wrong := [key for key, equals, _ in given if not key or not equals]:
         raise DeployError(f"--build-arg {wrong[0]}: expected KEY=VALUE")
     wanted, engine = _bundle(arguments), _engine(arguments)

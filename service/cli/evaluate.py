@@ -106,7 +106,7 @@ def _states(path: Path, text: str, camera: str | None, roi: str | None) -> list[
             chosen.add((state.camera, state.roi))
             rows += [(state.frame, found.id, (found.x, found.y, found.w, found.h)) for found in state.objects]
     if len(chosen) != 1:
-        known = ", ".join("/".join(one) for one in sorted(present))
+        known = ", ".join("/".join(place) for place in sorted(present))
         asked = " ".join(f"{name} {value}" for name, value in (("--camera", camera), ("--roi", roi)) if value)
         reason = "fits more than one" if chosen else "fits none"
         raise ConfigError(

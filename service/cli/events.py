@@ -80,23 +80,23 @@ def moment(text: str, now_s: float) -> float:
 
 def _table(found: Iterator[Event]) -> None:
     table = Table("time (UTC)", "alarm", "no.", "change", "state", "by", "why", box=None, padding=(0, 1))
-    for one in found:
-        where = f"{one.camera}/{one.roi} {one.alarm_class.value}"
-        when = f"{one.time:%Y-%m-%d %H:%M:%S}"
+    for event in found:
+        where = f"{event.camera}/{event.roi} {event.alarm_class.value}"
+        when = f"{event.time:%Y-%m-%d %H:%M:%S}"
         table.add_row(
-            when, where, str(one.sequence), one.change, one.after, one.actor or "", one.reason or ""
+            when, where, str(event.sequence), event.change, event.after, event.actor or "", event.reason or ""
         )
     width = None if sys.stdout.isatty() else _WIDE
     Console(highlight=False, width=width).print(table)
 
 
 def _jsonl(found: Iterator[Event]) -> None:
-    for one in found:
-        sys.stdout.write(json.dumps(one.public()) + "\n")
+    for event in found:
+        sys.stdout.write(json.dumps(event.public()) + "\n")
 
 
 def _csv(found: Iterator[Event]) -> None:
     writer = csv.DictWriter(sys.stdout, _COLUMNS)
     writer.writeheader()
-    for one in found:
-        writer.writerow(one.public())
+    for event in found:
+        writer.writerow(event.public())

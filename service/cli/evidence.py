@@ -76,12 +76,12 @@ def _from_store(arguments: argparse.Namespace, config: SiteConfig) -> int:
 
     if arguments.what == "list":
         verdicts = {camera.id: known(camera.id) for camera in config.cameras}
-        found = [as_json(one.meta, verdicts.get(one.meta.camera, {})) for one in store.listed()]
+        found = [as_json(stored.meta, verdicts.get(stored.meta.camera, {})) for stored in store.listed()]
         return _list(found, arguments.json)
-    one = store.find(arguments.id)
+    stored = store.find(arguments.id)
     if arguments.what == "show":
-        return _show(as_json(one.meta, known(one.meta.camera)))
-    _say(f"{copy_evidence(one, arguments.out).folder}")
+        return _show(as_json(stored.meta, known(stored.meta.camera)))
+    _say(f"{copy_evidence(stored, arguments.out).folder}")
     return 0
 
 
@@ -93,18 +93,18 @@ def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> in
             raise EvidenceError(f"{reply.key}: {reply.error}")
         found += json.loads(reply.payload)
     if arguments.what == "list":
-        return _list(sorted(found, key=lambda one: str(one["time"])), arguments.json)
+        return _list(sorted(found, key=lambda item: str(item["time"])), arguments.json)
     name = arguments.id
-    wanted = [one for one in found if name in (one["id"], f"{one['camera']}/{one['roi']}/{one['id']}")]
+    wanted = [item for item in found if name in (item["id"], f"{item['camera']}/{item['roi']}/{item['id']}")]
     if len(wanted) != 1:
         raise EvidenceError(
             f"{name}: the daemon has {'several of that id' if wanted else 'no such evidence'}"
         )
-    one = wanted[0]
+    item = wanted[0]
     if arguments.what == "show":
-        return _show(one)
+        return _show(item)
     copied = fetch_evidence(
-        bus, keys.command(one["camera"], one["roi"], "evidence"), one["id"], arguments.out
+        bus, keys.command(item["camera"], item["roi"], "evidence"), item["id"], arguments.out
     )
     _say(f"{copied.folder}")
     return 0
@@ -112,8 +112,8 @@ def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> in
 
 def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
     if as_lines:
-        for one in found:
-            _say(json.dumps(one))
+        for item in found:
+            _say(json.dumps(item))
         return 0
     table = Table("id", "alarm", "time (UTC)", "frames", "s", "MiB", "verdict", box=None, padding=(0, 1))
     for told in found:
@@ -134,8 +134,8 @@ def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
     return 0
 
 
-def _show(one: dict[str, Any]) -> int:
-    _say(json.dumps(one, indent=2))
+def _show(content: dict[str, Any]) -> int:
+    _say(json.dumps(content, indent=2))
     return 0
 
 

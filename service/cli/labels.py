@@ -45,7 +45,7 @@ def labels(arguments: argparse.Namespace) -> int:
             continue
         with reading(path) as db:
             verdicts = latest_verdicts(db)
-        kept = {(one.meta.roi, one.meta.id): one for one in store.listed(camera.id)}
+        kept = {(evidence.meta.roi, evidence.meta.id): evidence for evidence in store.listed(camera.id)}
         for key, verdict in verdicts.items():
             if key in kept:
                 judged[kept[key].meta.name] = (kept[key], verdict)

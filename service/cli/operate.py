@@ -42,7 +42,7 @@ def _add(commands: Commands, row: Command, cli: Cli) -> None:
     parser.add_argument(
         "--class",
         dest="alarm_class",
-        choices=tuple(one.value for one in AlarmClass),
+        choices=tuple(alarm_class.value for alarm_class in AlarmClass),
         default=AlarmClass.LUMP.value,
         help="lump (default), blind: the ROI cannot judge, or system: it judges late, or a proof test failed",
     )

@@ -176,14 +176,16 @@ def _print(summary: Summary, out: Path, seconds: float) -> None:
     table = Table(title=f"{summary.video}: {summary.frames} frames, {summary.duration_s:.1f} s")
     for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "highest existence", "prior"):
         table.add_column(heading)
-    for roi, one in summary.rois.items():
-        share = {name: f"{100 * count / max(one.frames, 1):.1f} %" for name, count in one.states.items()}
+    for roi, counts in summary.rois.items():
+        share = {
+            name: f"{100 * count / max(counts.frames, 1):.1f} %" for name, count in counts.states.items()
+        }
         table.add_row(
             roi,
-            str(one.transitions["raised"]),
+            str(counts.transitions["raised"]),
             *(share.get(name, "0 %") for name in ("LUMP", "CLEAR", "BLIND")),
-            f"{one.highest_existence:.3f}",
-            f"version {one.prior}" if one.prior else "stated defaults",
+            f"{counts.highest_existence:.3f}",
+            f"version {counts.prior}" if counts.prior else "stated defaults",
         )
     console = Console()
     console.print(table)

@@ -77,12 +77,12 @@ def _stills(config: SiteConfig, found: Figures) -> dict[tuple[str, str, str], by
     """The newest stills of the shift's alarms; what is damaged or gone is left out."""
     store = EvidenceStore(config.store.path)
     stills: dict[tuple[str, str, str], bytes] = {}
-    for one in reversed(found["alarms"]):
-        if one["evidence"] is None or len(stills) == MOST_STILLS:
+    for alarm in reversed(found["alarms"]):
+        if alarm["evidence"] is None or len(stills) == MOST_STILLS:
             continue
         with contextlib.suppress(EvidenceError):
-            evidence = read_evidence(store.folder(one["camera"], one["roi"], one["evidence"]))
-            stills[one["camera"], one["roi"], one["id"]] = evidence.read(STILL)
+            evidence = read_evidence(store.folder(alarm["camera"], alarm["roi"], alarm["evidence"]))
+            stills[alarm["camera"], alarm["roi"], alarm["id"]] = evidence.read(STILL)
     return stills
 
 

@@ -24,7 +24,9 @@ def add(commands: Commands) -> None:
         'lumpwatch verdict site.yaml --camera crusher-1 --roi apron --alarm 12 false --by anna --note "dust"',
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument("verdict", choices=tuple(one.value for one in Says), help="what the alarm was")
+    parser.add_argument(
+        "verdict", choices=tuple(verdict.value for verdict in Says), help="what the alarm was"
+    )
     parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
     parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
     which = parser.add_mutually_exclusive_group()

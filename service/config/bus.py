@@ -83,7 +83,7 @@ class BusConfig(Strict):
 
     @model_validator(mode="after")
     def _secured(self) -> Self:
-        secured = [one.startswith(("tls/", "quic/")) for one in (*self.listen, *self.connect)]
+        secured = [endpoint.startswith(("tls/", "quic/")) for endpoint in (*self.listen, *self.connect)]
         if any(secured) and self.tls is None:
             raise ValueError("an endpoint that begins with tls/ or quic/ needs bus.tls")
         if self.mode == "router" and self.access is not None and not all(secured[: len(self.listen)]):

@@ -32,9 +32,9 @@ class ProofTestConfig(Strict):
     @field_validator("at")
     @classmethod
     def _times(cls, value: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        for one in value or ():
-            if not _CLOCK.fullmatch(one):
-                raise ValueError(f"'{one}' is not a time of day such as 06:00")
+        for time in value or ():
+            if not _CLOCK.fullmatch(time):
+                raise ValueError(f"'{time}' is not a time of day such as 06:00")
         return value
 
     @model_validator(mode="after")

@@ -328,7 +328,7 @@ def _is_over(hold: Hold | None, time_s: float) -> bool:
 
 
 def _end_signal(alarm: Alarm, hold: Hold, time_s: float, reason: str) -> Changed:
-    freed = replace(alarm, suppressed=tuple(one for one in alarm.suppressed if one is not hold))
+    freed = replace(alarm, suppressed=tuple(other for other in alarm.suppressed if other is not hold))
     return _release(alarm, freed, Change.UNSUPPRESSED, time_s, hold.actor, reason)
 
 

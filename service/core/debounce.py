@@ -38,7 +38,7 @@ class Holds:
         self._times = dict(times)
         self._holds = {reason: _Hold() for reason in times}
         self._unfit_since_s: float | None = None
-        self.limit_s = max((one.entry_s for one in times.values()), default=0.0)
+        self.limit_s = max((limits.entry_s for limits in times.values()), default=0.0)
         """After so long with anything found the ROI is BLIND."""
 
     @property

@@ -78,7 +78,7 @@ class Detection:
         """The same with its objects elsewhere, full-frame pixels."""
         if not (x or y):
             return self
-        objects = tuple(replace(one, x=one.x + x, y=one.y + y) for one in self.objects)
+        objects = tuple(replace(found, x=found.x + x, y=found.y + y) for found in self.objects)
         return replace(self, objects=objects)
 
     @property

@@ -190,7 +190,7 @@ class Rollout:
                 self._engine.remove(self._next)
             return
         kept = self._engine.found(self.previous)
-        for one in (left, kept):
-            if one is not None and (one.running or one is left):
-                self._engine.rename(one.name, self.current)
+        for container in (left, kept):
+            if container is not None and (container.running or container is left):
+                self._engine.rename(container.name, self.current)
                 return

@@ -44,7 +44,7 @@ class CameraQuality:
         A region that is not among them is not measured.
         """
         for name, region in self._regions.items():
-            lights = () if reference is None else tuple(one.regions[name] for one in reference.lights)
+            lights = () if reference is None else tuple(light.regions[name] for light in reference.lights)
             if name in rois:
                 region.fit(rois[name], lights)
             else:
@@ -119,7 +119,7 @@ class _Region:
             BlindReason.BLURRED: config.blurred,
         }
         enabled = {reason: check for reason, check in checks.items() if check.enabled and config.enabled}
-        self.holds = Holds({reason: Times(one.entry_s, one.exit_s) for reason, one in enabled.items()})
+        self.holds = Holds({reason: Times(check.entry_s, check.exit_s) for reason, check in enabled.items()})
         self.light = 0
         self.offset_px = (0, 0)
         self.held_off, self.holdoffs, self.suspect = False, 0, False

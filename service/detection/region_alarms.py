@@ -94,4 +94,4 @@ class RegionAlarms:
         alarm, made = changed
         self._put(alarm_class, alarm)
         priority = self._rules(alarm_class).priority
-        return tuple(AlarmChange(alarm_class, one, alarm, priority) for one in made)
+        return tuple(AlarmChange(alarm_class, transition, alarm, priority) for transition in made)

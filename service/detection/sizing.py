@@ -66,7 +66,7 @@ class Sizer:
 
     def measure(self, detection: Detection, time_s: float) -> Detection:
         """The detection with a size for each object, and the probability that one is above the limit."""
-        objects = tuple(self._sized(one, time_s) for one in detection.objects)
+        objects = tuple(self._sized(detected, time_s) for detected in detection.objects)
         self._looks = {i: looks for i, looks in self._looks.items() if time_s - looks.last_s < FORGET_S}
         return replace(
             detection, objects=objects, oversize=_oversize(detection.existence, objects, self._certain)
@@ -78,24 +78,33 @@ class Sizer:
 
     def restore(self, looks: dict[int, Looks]) -> None:
         """Go on from there."""
-        self._looks = {i: replace(one) for i, one in looks.items()}
+        self._looks = {i: replace(track) for i, track in looks.items()}
 
-    def _sized(self, one: DetectedObject, time_s: float) -> DetectedObject:
+    def _sized(self, detected: DetectedObject, time_s: float) -> DetectedObject:
         found = measure(
             self._plane,
-            np.array([one.x + one.w / 2, one.y + one.h / 2, one.w, one.h]),
-            np.array([one.vx, one.vy]),
-            np.array([one.spread_x, one.spread_y, one.spread_w, one.spread_h, one.spread_v, one.spread_v]),
+            np.array([detected.x + detected.w / 2, detected.y + detected.h / 2, detected.w, detected.h]),
+            np.array([detected.vx, detected.vy]),
+            np.array(
+                [
+                    detected.spread_x,
+                    detected.spread_y,
+                    detected.spread_w,
+                    detected.spread_h,
+                    detected.spread_v,
+                    detected.spread_v,
+                ]
+            ),
         )
         if found is None:
-            return one
-        looks = self._looks.setdefault(one.id, Looks(time_s, time_s))
+            return detected
+        looks = self._looks.setdefault(detected.id, Looks(time_s, time_s))
         looks.last_s = time_s
         whole = (
-            one.x > 1
-            and one.y > 1
-            and one.x + one.w < self._size[0] - 1
-            and one.y + one.h < self._size[1] - 1
+            detected.x > 1
+            and detected.y > 1
+            and detected.x + detected.w < self._size[0] - 1
+            and detected.y + detected.h < self._size[1] - 1
         )
         looks.on_the_way |= found.distance_m.value > 0
         if whole and found.distance_m.value > 0:
@@ -103,7 +112,7 @@ class Sizer:
             looks.longest += log(SHAPE_FACTOR * found.longest_mm.value)
             looks.equivalent += log(found.equivalent_mm.value)
             looks.variance += (found.longest_mm.spread / found.longest_mm.value) ** 2
-        return replace(one, size=self._told(found, looks))
+        return replace(detected, size=self._told(found, looks))
 
     def _told(self, found: OnBelt, looks: Looks) -> LumpSize:
         lip = found.lip_s
@@ -149,9 +158,9 @@ def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
 def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: float) -> float:
     """P(an object is there that counts as too large). What has no size yet, or no place, does."""
     none_known, none_over = 1.0, 1.0
-    for one in objects:
-        none_known *= 1.0 - one.existence
-        if one.size is None or one.size.over_limit >= certain:
-            none_over *= 1.0 - one.existence
+    for detected in objects:
+        none_known *= 1.0 - detected.existence
+        if detected.size is None or detected.size.over_limit >= certain:
+            none_over *= 1.0 - detected.existence
     elsewhere = (1.0 - existence) / none_known if none_known > 1.0 - existence else 1.0
     return 1.0 - elsewhere * none_over

@@ -38,9 +38,11 @@ def write_files(folder: Path, clip: Clip, site: str, camera: CameraConfig, softw
     trigger, roi = clip.trigger, camera.roi(clip.trigger.roi)
     decisive = clip.kept[clip.decisive]
     first_s, last_s = clip.kept[0].frame.capture_s, clip.kept[-1].frame.capture_s
-    lines = [state_line(one.result(roi.id), camera.id, first_s).line() for one in clip.kept]
+    lines = [state_line(moment.result(roi.id), camera.id, first_s).line() for moment in clip.kept]
     contents = {
-        TIMES: b"".join(sidecar(one.frame, one.now_s, one.result(roi.id).quality) for one in clip.kept),
+        TIMES: b"".join(
+            sidecar(moment.frame, moment.now_s, moment.result(roi.id).quality) for moment in clip.kept
+        ),
         STATES: b"".join(line + b"\n" for line in lines),
         STATE: encode_state(clip.start),
         CAMERA: _camera_text(camera, roi.id).encode(),
@@ -48,7 +50,7 @@ def write_files(folder: Path, clip: Clip, site: str, camera: CameraConfig, softw
     }
     if clip.start.prior is not None:
         contents[PRIOR] = encode_prior(clip.start.prior)
-    write_clip(folder / CLIP, [one.frame for one in clip.kept])
+    write_clip(folder / CLIP, [moment.frame for moment in clip.kept])
     for name, content in contents.items():
         (folder / name).write_bytes(content)
     result = decisive.result(roi.id)

@@ -52,7 +52,7 @@ class Kept:
 
     def result(self, roi: str) -> RoiResult:
         """What was decided for that ROI."""
-        return next(one for one in self.results if one.roi == roi)
+        return next(result for result in self.results if result.roi == roi)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class Clip:
     @property
     def size(self) -> int:
         """Bytes of the frames."""
-        return sum(one.frame.data.nbytes for one in self.kept)
+        return sum(moment.frame.data.nbytes for moment in self.kept)
 
 
 @dataclass(slots=True)
@@ -165,7 +165,7 @@ class Recorder:
             self._observer.evidence_problem("memory")
             return False
         size = self._ring_size()
-        kept = [one for group in self._groups for one in group.kept]
+        kept = [moment for group in self._groups for moment in group.kept]
         start = self._groups[0].before[trigger.roi]
         self._running.append(_Recording(trigger, start, kept, len(kept) - 1, size))
         return True
@@ -197,7 +197,7 @@ class Recorder:
         return sum(group.size for group in self._groups)
 
     def _clips_size(self) -> int:
-        return self._waiting() + sum(one.size for one in self._running)
+        return self._waiting() + sum(recording.size for recording in self._running)
 
     def _trim(self, newest_s: float) -> None:
         groups = self._groups

@@ -40,7 +40,7 @@ def serve_evidence(
             newest = min(asked.newest, _MOST_LISTED)
             entries = store.entries(camera, roi)[-newest:] if newest else []
             known = verdicts()
-            return json.dumps([told for one in entries if (told := _told(one.folder, known))]).encode()
+            return json.dumps([told for entry in entries if (told := _told(entry.folder, known))]).encode()
         evidence = read_evidence(store.folder(camera, roi, asked.id))
         if asked.file is None:
             return json.dumps(as_json(evidence.meta, verdicts())).encode()

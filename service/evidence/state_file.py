@@ -29,7 +29,7 @@ def encode_state(snapshot: Snapshot) -> bytes:
         "size": snapshot.size,
         "filter": None if snapshot.filter is None else snapshot.filter.plain,
         "looks": {str(i): asdict(looks) for i, looks in snapshot.looks.items()},
-        "alarms": {one.value: _alarm(alarm) for one, alarm in snapshot.alarms.items()},
+        "alarms": {alarm_class.value: _alarm(alarm) for alarm_class, alarm in snapshot.alarms.items()},
     }
     arrays = {} if snapshot.filter is None else snapshot.filter.arrays
     buffer = io.BytesIO()
@@ -58,7 +58,10 @@ def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None
         None if plain["size"] is None else (int(plain["size"][0]), int(plain["size"][1])),
         None if plain["filter"] is None else FilterState(plain["filter"], arrays),
         {int(i): Looks(**looks) for i, looks in plain["looks"].items()},
-        {AlarmClass(one): alarm_of(json.dumps(alarm)) for one, alarm in plain["alarms"].items()},
+        {
+            AlarmClass(alarm_class): alarm_of(json.dumps(alarm))
+            for alarm_class, alarm in plain["alarms"].items()
+        },
         prior,
     )
 

@@ -59,7 +59,7 @@ class EvidenceStore:
             for folder in self.root.glob(f"{camera}/{roi}/*")
             if (match := _ID.fullmatch(folder.name)) and (size := _size(folder)) is not None
         ]
-        return sorted(found, key=lambda one: (one.time_s, one.folder))
+        return sorted(found, key=lambda entry: (entry.time_s, entry.folder))
 
     def listed(self, camera: str = "*", roi: str = "*") -> Iterator[Evidence]:
         """The evidence that can be read, oldest first."""
@@ -70,11 +70,11 @@ class EvidenceStore:
     def find(self, name: str) -> Evidence:
         """By `CAMERA/ROI/ID`, or by the id alone where only one has it. Raises EvidenceError."""
         camera, roi, evidence = ("*", "*", name) if "/" not in name else (*name.split("/"), "", "")[:3]
-        found = [one for one in self.entries(camera or "*", roi or "*") if one.id == evidence]
+        found = [entry for entry in self.entries(camera or "*", roi or "*") if entry.id == evidence]
         if not found:
             raise EvidenceError(f"{self.root}: holds no evidence {name}")
         if len(found) > 1:
-            names = ", ".join(f"{one.camera}/{one.roi}/{one.id}" for one in found)
+            names = ", ".join(f"{entry.camera}/{entry.roi}/{entry.id}" for entry in found)
             raise EvidenceError(f"{name}: is the id of several: {names}")
         return read_evidence(found[0].folder)
 
@@ -98,7 +98,11 @@ class EvidenceStore:
     def clean(self, camera: str) -> int:
         """Remove what a process that was killed had not finished writing or removing; how many there were."""
         own = self.root / camera
-        halves = [one for one in own.glob("*/*") if _ID.fullmatch(one.name) and not (one / META).exists()]
+        halves = [
+            folder
+            for folder in own.glob("*/*")
+            if _ID.fullmatch(folder.name) and not (folder / META).exists()
+        ]
         stale = [*own.glob(f"{_WRITING}*"), *halves]
         for folder in stale:
             shutil.rmtree(folder, ignore_errors=True)
@@ -118,7 +122,7 @@ class EvidenceStore:
             else:
                 kept.append((marked, entry))
         size = sum(entry.size for _, entry in kept)
-        for _, entry in sorted(kept, key=lambda one: one[0]):  # stable: the oldest first among each
+        for _, entry in sorted(kept, key=lambda item: item[0]):  # stable: the oldest first among each
             if size <= config.max_mb * _MIB:
                 break
             removed["space"] += _remove(entry.folder)

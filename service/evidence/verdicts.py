@@ -13,7 +13,7 @@ def verdicts_by_id(path: Path) -> dict[tuple[str, str], str]:
     """The verdicts that count in an event log, by ROI and alarm id; none where it cannot be read."""
     try:
         with reading(path) as db:
-            return {key: one.says.value for key, one in latest_verdicts(db).items()}
+            return {key: verdict.says.value for key, verdict in latest_verdicts(db).items()}
     except EventLogError:
         return {}
 

@@ -131,7 +131,9 @@ class EvidenceWriter:
         for reason, count in removed.items():
             if count:
                 self._observer.evidence_removed(reason, count)
-        self._observer.evidence_stored(sum(one.size for one in self._store.entries(self._origin.camera.id)))
+        self._observer.evidence_stored(
+            sum(entry.size for entry in self._store.entries(self._origin.camera.id))
+        )
 
     def _attempt(self, work: Callable[[], None]) -> bool:
         """Whether it went well; nothing that goes wrong here may reach the filter."""

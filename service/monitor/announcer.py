@@ -106,7 +106,7 @@ class Announcer:
 
     def send_again(self) -> None:
         """What the last process may not have brought onto the bus."""
-        past = {(one.roi, one.id): one for one in self._events.records}
+        past = {(record.roi, record.id): record for record in self._events.records}
         for roi, number, record in self._events.unpublished:
             if roi in self._alarms:
                 known = past.get((roi, number))
@@ -138,9 +138,9 @@ class Announcer:
         """What former processes have sent."""
         waiting = {(where, number) for where, number, _ in self._events.unpublished}
         return [
-            Message(key, one.record, one.publisher, one.number)
-            for one in self._events.records
-            if one.roi == roi and one.publisher and (roi, one.id) not in waiting
+            Message(key, record.record, record.publisher, record.number)
+            for record in self._events.records
+            if record.roi == roi and record.publisher and (roi, record.id) not in waiting
         ]
 
     def announce(self, results: tuple[RoiResult, ...]) -> None:
@@ -181,7 +181,7 @@ class Announcer:
 
     def plan(self, results: Iterable[RoiResult], clocks: Clocks) -> tuple[Effect, ...]:
         """What the changes in these results set off. Raises RecordError; nothing has happened then."""
-        return effects_of([one for result in results for one in self._records(result, clocks)])
+        return effects_of([record for result in results for record in self._records(result, clocks)])
 
     def check(self, result: RoiResult, alarm_class: AlarmClass, changed: Changed) -> None:
         """Raises RecordError where what is about to become of an alarm cannot be recorded.
@@ -190,7 +190,7 @@ class Announcer:
         """
         alarm, made = changed
         priority = self._rois[result.roi].alarm.of_class(alarm_class).priority
-        changes = tuple(AlarmChange(alarm_class, one, alarm, priority) for one in made)
+        changes = tuple(AlarmChange(alarm_class, transition, alarm, priority) for transition in made)
         self._records(replace(result, changes=changes), self._clocks())
 
     def _records(self, result: RoiResult, clocks: Clocks) -> list[AlarmRecord]:
@@ -214,7 +214,7 @@ class Announcer:
             case KeepEvidence(trigger):
                 self._evidence.begin(trigger)
             case Write(entries):
-                self._sequences |= {one.event.roi: one.event.sequence for one in entries}
+                self._sequences |= {entry.event.roi: entry.event.sequence for entry in entries}
                 self._events.write(entries)
             case Publish(entry):
                 self._alarms[entry.event.roi].put(entry.record, entry.event.sequence)

@@ -96,7 +96,7 @@ class CommandServer:
 def _act(alarms: Alarms, row: Command, make: Callable[[Any], Act], roi: str, asked: Any) -> bytes:
     of: AlarmClass = asked.alarm_class
     result, sequence = alarms.act(roi, of, make(asked))
-    changes = tuple(one.transition.change for one in result.changes if one.alarm_class is of)
+    changes = tuple(change.transition.change for change in result.changes if change.alarm_class is of)
     alarm = result.alarms[of]
     return ActReply(
         alarm_class=of,

@@ -57,20 +57,20 @@ def effects_of(records: Sequence[AlarmRecord]) -> tuple[Effect, ...]:
     """In the order that keeps the promise: in the event log before it is on the bus."""
     if not records:
         return ()
-    entries = tuple(one.entry for one in records)
+    entries = tuple(record.entry for record in records)
     return (
-        *(KeepEvidence(one.trigger) for one in records if one.trigger is not None),
+        *(KeepEvidence(record.trigger) for record in records if record.trigger is not None),
         Write(entries),
         *(Publish(entry) for entry in entries),
         *(
             Count(
-                one.entry.event.roi,
-                one.alarm_class,
-                one.transition,
-                one.entry.event.existence,
-                one.entry.event.frame,
+                record.entry.event.roi,
+                record.alarm_class,
+                record.transition,
+                record.entry.event.existence,
+                record.entry.event.frame,
             )
-            for one in records
+            for record in records
         ),
         Confirm(tuple((entry.event.roi, entry.event.id) for entry in entries)),
     )

@@ -19,8 +19,10 @@ class LargestSeen:
             self._sizes.clear()
         self._active = active
         if result.detection is not None and active:
-            known = (one for one in result.detection.objects if one.size is not None)
-            self._sizes |= {one.id: one.size for one in known if one.size and one.size.longest_mm is not None}
+            known = (found for found in result.detection.objects if found.size is not None)
+            self._sizes |= {
+                found.id: found.size for found in known if found.size and found.size.longest_mm is not None
+            }
 
     def told(self) -> dict[str, float | str | None]:
         """Longest diameter in mm and the interval that holds it with 90 %; empty where none is known."""

@@ -94,10 +94,12 @@ class Monitor:
         found, at = self._artifacts.first(), clocks()
         self._pipeline = CameraPipeline(
             self._camera,
-            {one.roi: one.prior for one in found if isinstance(one, NewPrior)},
+            {artifact.roi: artifact.prior for artifact in found if isinstance(artifact, NewPrior)},
             observer=metrics,
             alarms=events.alarms(at.monotonic_s, at.wall_s, clock),
-            reference=next((one.reference for one in found if isinstance(one, NewReference)), None),
+            reference=next(
+                (artifact.reference for artifact in found if isinstance(artifact, NewReference)), None
+            ),
         )
         self._shadows = ShadowDesk(
             site=config.site,
@@ -107,7 +109,7 @@ class Monitor:
             metrics=metrics.shadows,
             clocks=clocks,
         )
-        self._run_shadows(tuple(one for one in found if isinstance(one, NewShadow)))
+        self._run_shadows(tuple(artifact for artifact in found if isinstance(artifact, NewShadow)))
         self._keys = Keys(config.site)
         self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
         self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
@@ -269,9 +271,9 @@ class Monitor:
                     self._run_shadows((found,))
 
     def _run_shadows(self, found: tuple[NewShadow, ...]) -> None:
-        for one in found:
-            used = self._pipeline.prior(one.roi)
-            self._shadows.take(one, used.version if used else 0)
+        for shadow in found:
+            used = self._pipeline.prior(shadow.roi)
+            self._shadows.take(shadow, used.version if used else 0)
 
     def _beat(self, now: float) -> None:
         """Once a second."""

@@ -52,13 +52,13 @@ class Summary:
         """As JSON, with stable order."""
         rois = {
             roi: {
-                "frames": one.frames,
-                "states": dict(sorted(one.states.items())),
-                "alarms": dict(sorted(one.transitions.items())),
-                "highest_existence": round(one.highest_existence, 6),
-                "prior": one.prior,
+                "frames": counts.frames,
+                "states": dict(sorted(counts.states.items())),
+                "alarms": dict(sorted(counts.transitions.items())),
+                "highest_existence": round(counts.highest_existence, 6),
+                "prior": counts.prior,
             }
-            for roi, one in sorted(self.rois.items())
+            for roi, counts in sorted(self.rois.items())
         }
         content = {
             "site": self.site,
@@ -155,10 +155,10 @@ def _write_alarms(
         file.write(event.line() + b"\n")
 
 
-def _add(one: RoiSummary, result: RoiResult) -> None:
-    one.frames += 1
-    one.states[result.decision.value] += 1
-    one.highest_existence = max(one.highest_existence, result.existence)
-    one.prior = result.prior
+def _add(counts: RoiSummary, result: RoiResult) -> None:
+    counts.frames += 1
+    counts.states[result.decision.value] += 1
+    counts.highest_existence = max(counts.highest_existence, result.existence)
+    counts.prior = result.prior
     if result.transition is not None:
-        one.transitions[result.transition.change.value] += 1
+        counts.transitions[result.transition.change.value] += 1

@@ -81,7 +81,7 @@ _CHANNELS: dict[str, tuple[str, _Channel]] = {
 def asyncapi_document() -> dict[str, Any]:
     """The whole document as plain data."""
     models = sorted(
-        {one for _, channel in _CHANNELS.values() for one in _models(channel)},
+        {model for _, channel in _CHANNELS.values() for model in _models(channel)},
         key=lambda model: model.__name__,
     )
     _, schemas = models_json_schema(
@@ -91,15 +91,17 @@ def asyncapi_document() -> dict[str, Any]:
     channels: dict[str, Any] = {}
     operations: dict[str, Any] = {}
     for name, (address, channel) in _CHANNELS.items():
-        of_channel = [one for one in (channel.sends, channel.asks, channel.replies) if one is not None]
-        messages |= {_name(one): _message(one) for one in of_channel}
+        of_channel = [
+            message for message in (channel.sends, channel.asks, channel.replies) if message is not None
+        ]
+        messages |= {_name(message): _message(message) for message in of_channel}
         channels[name] = {
             "address": address,
             "description": channel.text,
             "parameters": {
                 part: {"description": text} for part, text in _PARAMETERS.items() if f"{{{part}}}" in address
             },
-            "messages": {_name(one): _ref("components/messages", one) for one in of_channel},
+            "messages": {_name(message): _ref("components/messages", message) for message in of_channel},
         }
         operations[name] = _operation(name, channel)
     return {
@@ -132,8 +134,8 @@ def asyncapi_text() -> str:
 
 def _models(channel: _Channel) -> list[type[BaseModel]]:
     found = []
-    for one in (channel.sends, channel.asks, channel.replies):
-        model = one.headers if isinstance(one, Content) else one
+    for message in (channel.sends, channel.asks, channel.replies):
+        model = message.headers if isinstance(message, Content) else message
         if model is not None:
             found.append(model)
     return found
@@ -157,30 +159,30 @@ def _operation(name: str, channel: _Channel) -> dict[str, Any]:
     }
 
 
-def _message(one: type[BaseModel] | Content) -> dict[str, Any]:
-    if isinstance(one, Content):
-        made = {"name": one.name, "summary": one.text, "contentType": one.content_type}
-        if one.headers is None:
+def _message(message: type[BaseModel] | Content) -> dict[str, Any]:
+    if isinstance(message, Content):
+        made = {"name": message.name, "summary": message.text, "contentType": message.content_type}
+        if message.headers is None:
             return made
-        headers = {"$ref": f"#/components/schemas/{one.headers.__name__}"}
+        headers = {"$ref": f"#/components/schemas/{message.headers.__name__}"}
         return made | {
             "headers": headers,
             "payload": dict(_BYTES),
-            "examples": [{"headers": example(one.headers)}],
+            "examples": [{"headers": example(message.headers)}],
         }
-    kind = "application/cloudevents+json" if one is AlarmEvent else "application/json"
+    kind = "application/cloudevents+json" if message is AlarmEvent else "application/json"
     return {
-        "name": one.__name__,
-        "summary": " ".join((one.__doc__ or "").split()),
+        "name": message.__name__,
+        "summary": " ".join((message.__doc__ or "").split()),
         "contentType": kind,
-        "payload": {"$ref": f"#/components/schemas/{one.__name__}"},
-        "examples": [{"payload": example(one)}],
+        "payload": {"$ref": f"#/components/schemas/{message.__name__}"},
+        "examples": [{"payload": example(message)}],
     }
 
 
-def _name(one: type[BaseModel] | Content) -> str:
-    return one.name if isinstance(one, Content) else one.__name__
+def _name(message: type[BaseModel] | Content) -> str:
+    return message.name if isinstance(message, Content) else message.__name__
 
 
-def _ref(where: str, one: type[BaseModel] | Content) -> dict[str, str]:
-    return {"$ref": f"#/{where}/{_name(one)}"}
+def _ref(where: str, message: type[BaseModel] | Content) -> dict[str, str]:
+    return {"$ref": f"#/{where}/{_name(message)}"}

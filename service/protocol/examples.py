@@ -212,5 +212,5 @@ _MODELS: tuple[BaseModel, ...] = (
 
 def example(model: type[BaseModel]) -> Any:
     """The example of a message, as plain data."""
-    (found,) = (one for one in _MODELS if type(one) is model)
+    (found,) = (message for message in _MODELS if type(message) is model)
     return json.loads(found.model_dump_json(by_alias=True))

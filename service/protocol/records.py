@@ -86,7 +86,11 @@ def oversize(result: RoiResult) -> float | None:
 def soonest(result: RoiResult) -> float | None:
     """Seconds until the first lump reaches the lip."""
     found = result.detection.objects if result.detection is not None else ()
-    times = [one.size.lip_s for one in found if one.size is not None and one.size.lip_s is not None]
+    times = [
+        detected.size.lip_s
+        for detected in found
+        if detected.size is not None and detected.size.lip_s is not None
+    ]
     return round(min(times), 2) if times else None
 
 
@@ -130,7 +134,7 @@ def state_message(
         site=site,
         alarm=result.alarm.state.value,
         blind_alarm=result.blind_alarm.state.value,
-        alarms={one: alarm.state for one, alarm in result.alarms.items()},
+        alarms={alarm_class: alarm.state for alarm_class, alarm in result.alarms.items()},
         sequence=sequence,
         reason=result.reason,
         timing=timing_of(result, clocks),

@@ -29,16 +29,16 @@ class Batch:
     def parts(self) -> list[Batch]:
         """One for each row."""
         return [
-            *(Batch((one,)) for one in self.entries),
-            *(Batch((), notes=(one,)) for one in self.notes),
-            *(Batch((), sent=(one,)) for one in self.sent),
+            *(Batch((entry,)) for entry in self.entries),
+            *(Batch((), notes=(note,)) for note in self.notes),
+            *(Batch((), sent=(row,)) for row in self.sent),
         ]
 
     @property
     def name(self) -> str:
         """What it holds, for people."""
-        ids = [f"{one.event.roi}/{one.event.id}" for one in self.entries]
-        ids += [f"{type(one).__name__} of {one.roi}" for one in self.notes]
+        ids = [f"{entry.event.roi}/{entry.event.id}" for entry in self.entries]
+        ids += [f"{type(note).__name__} of {note.roi}" for note in self.notes]
         return ", ".join(ids) or "news of what was published"
 
     def finish(self, *, written: bool) -> None:

@@ -185,8 +185,8 @@ class EventWriter:
                 continue
             with self._wake:
                 self._ill = True
-                for one in self._batches:
-                    one.finish(written=False)
+                for waiting in self._batches:
+                    waiting.finish(written=False)
                 if self._closed:
                     break
                 self._observer.events_waiting(self._waiting)
@@ -255,7 +255,9 @@ class EventWriter:
                 self._log.copy(self._latest.values())
         if batch.entries:
             self._log.append(batch.entries)
-            self._latest |= {(one.event.roi, one.event.alarm_class): one.event for one in batch.entries}
+            self._latest |= {
+                (entry.event.roi, entry.event.alarm_class): entry.event for entry in batch.entries
+            }
         if batch.notes:
             self._log.add(batch.notes)
         if batch.sent:

@@ -68,7 +68,7 @@ def verdicts(db: Connection) -> Iterator[Verdict]:
 
 def latest_verdicts(db: Connection) -> dict[tuple[str, str], Verdict]:
     """The one that counts, by ROI and alarm id."""
-    return {(one.roi, one.id): one for one in verdicts(db)}
+    return {(verdict.roi, verdict.id): verdict for verdict in verdicts(db)}
 
 
 def watched_spans(db: Connection, begin_s: float, end_s: float) -> Iterator[Span]:

@@ -114,7 +114,7 @@ def decode(content: bytes, name: str) -> Reference:
         with np.load(io.BytesIO(body), allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in archive.files}
         told = json.loads(arrays.pop("meta").tobytes())
-        lights = tuple(_light(i, one, arrays) for i, one in enumerate(told["lights"]))
+        lights = tuple(_light(i, light, arrays) for i, light in enumerate(told["lights"]))
         meta = ReferenceMeta.model_validate(told["meta"])
     except Exception as error:
         # The checksum holds, so this is another program's file: whatever is wrong, it is no reference.
@@ -132,15 +132,15 @@ def _light(i: int, told: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
     if still.dtype != np.uint8 or still.ndim != 2:
         raise ValueError("the still is no picture")
     regions = {}
-    for k, one in enumerate(told["regions"]):
+    for k, region in enumerate(told["regions"]):
         bounds = [arrays[f"{i}_{k}_{name}"] for name in _PATTERN]
         if any(bound.ndim != 1 or bound.shape != bounds[0].shape for bound in bounds):
             raise ValueError("the pattern has another shape")
-        usual, thresholds = ({Measure(m): float(v) for m, v in one[key].items()} for key in _NUMBERS)
-        numbers = [one["mean"], *usual.values(), *thresholds.values()]
+        usual, thresholds = ({Measure(m): float(v) for m, v in region[key].items()} for key in _NUMBERS)
+        numbers = [region["mean"], *usual.values(), *thresholds.values()]
         if set(thresholds) != set(Measure) or not np.isfinite(numbers).all():
             raise ValueError("thresholds are missing or not finite")
-        regions[one["roi"]] = RegionReference(float(one["mean"]), usual, thresholds, Pattern(*bounds))
+        regions[region["roi"]] = RegionReference(float(region["mean"]), usual, thresholds, Pattern(*bounds))
     return Light(told["name"], still, regions)
 
 

@@ -195,7 +195,7 @@ class JdtDetector:
         view = self.roi.view(gray, colour)
         observation = self._likelihood.observe(view, dt)
         found, told = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
-        objects = tuple(self._describe(one) for one in found if one.existence > SHOWN_ABOVE)
+        objects = tuple(self._describe(estimate) for estimate in found if estimate.existence > SHOWN_ABOVE)
         return Detection(self._engine.existence, objects, told.effective_particles, told.fell_back_share)
 
     def _describe(self, found: _Found) -> DetectedObject:

@@ -97,37 +97,37 @@ class TrackerDetector:
         picture = colour.copy()
         picture[self._outside] = 0
         tracked = self._tracker.step(picture, dt)
-        counted = [one for one in tracked if one.confirmed and self._fits(one)]
-        existence = 1.0 - float(np.prod([1.0 - one.existence for one in counted]))
-        objects = tuple(self._describe(one) for one in counted if one.existence > SHOWN_ABOVE)
-        self._last_id = max((self._last_id, *(one.id + self._id_offset for one in tracked)))
+        counted = [track for track in tracked if track.confirmed and self._fits(track)]
+        existence = 1.0 - float(np.prod([1.0 - track.existence for track in counted]))
+        objects = tuple(self._describe(track) for track in counted if track.existence > SHOWN_ABOVE)
+        self._last_id = max((self._last_id, *(track.id + self._id_offset for track in tracked)))
         return Detection(existence, objects)
 
-    def _fits(self, one: TrackedObject) -> bool:
+    def _fits(self, tracked: TrackedObject) -> bool:
         """Whether the object is as large as those to be found are at its row."""
-        mean, spread = self._parts[1].at(one.box[1:2])
-        size = 0.5 * float(np.log(one.box[2] * one.box[3]))
+        mean, spread = self._parts[1].at(tracked.box[1:2])
+        size = 0.5 * float(np.log(tracked.box[2] * tracked.box[3]))
         expected, reach = 0.5 * float(mean[0, 2:].sum()), SIZE_LIMIT * float(spread[0, 2:].max())
         return abs(size - expected) <= reach
 
-    def _describe(self, one: TrackedObject) -> DetectedObject:
-        x, y, w, h = (float(v) for v in self.roi.to_frame(one.box[None])[0])
-        spread = one.spread / self.roi.scale
-        shares = one.model_shares
+    def _describe(self, tracked: TrackedObject) -> DetectedObject:
+        x, y, w, h = (float(v) for v in self.roi.to_frame(tracked.box[None])[0])
+        spread = tracked.spread / self.roi.scale
+        shares = tracked.model_shares
         return DetectedObject(
-            one.id + self._id_offset,
+            tracked.id + self._id_offset,
             x,
             y,
             w,
             h,
             float(spread[0]),
             float(spread[1]),
-            one.existence,
+            tracked.existence,
             self._names[int(shares.argmax())],
             tuple(zip(self._names, shares.tolist(), strict=True)),
-            one.wrong_way,
-            vx=float(one.velocity[0] / self.roi.scale),
-            vy=float(one.velocity[1] / self.roi.scale),
+            tracked.wrong_way,
+            vx=float(tracked.velocity[0] / self.roi.scale),
+            vy=float(tracked.velocity[1] / self.roi.scale),
             spread_w=BOX_SPREAD * w,
             spread_h=BOX_SPREAD * h,
             spread_v=float(spread.max()) / TURN_S,

@@ -59,8 +59,8 @@ class Differences:
             found += self._raised(time_s, of_shadow=False)
         if shadow and not was_shadow:
             found += self._raised(time_s, of_shadow=True)
-        for one in found:
-            self._add(one)
+        for difference in found:
+            self._add(difference)
         return found
 
     def interrupt(self) -> None:

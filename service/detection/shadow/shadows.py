@@ -136,12 +136,16 @@ class Shadows:
 
     def follow(self, results: tuple[RoiResult, ...], spent_s: float) -> None:
         """Look at the frame of these results; the priors in use took `spent_s` for it."""
-        decided = [one for one in results if one.fit and one.roi in self._shadows and one.frame is not None]
+        decided = [
+            result
+            for result in results
+            if result.fit and result.roi in self._shadows and result.frame is not None
+        ]
         if not decided or decided[0].frame is None:
             return
         self._earn(decided[0].frame, spent_s)
         # Who has waited longest comes first, so that time that is short is shared.
-        for result in sorted(decided, key=lambda one: self._shadows[one.roi].looked_s or float("-inf")):
+        for result in sorted(decided, key=lambda result: self._shadows[result.roi].looked_s or float("-inf")):
             shadow = self._shadows[result.roi]
             if shadow.failed is None:
                 self._follow(shadow, result)

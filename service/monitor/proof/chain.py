@@ -239,8 +239,9 @@ def overlaps(result: RoiResult, place: LumpAt, size: tuple[int, int]) -> bool:
     x, y, w, h = place.x * size[0], place.y * size[1], place.w * size[0], place.h * size[1]
     found = result.detection.objects if result.detection is not None else ()
     return any(
-        abs(one.x + one.w / 2 - x) < (w + one.w) / 2 and abs(one.y + one.h / 2 - y) < (h + one.h) / 2
-        for one in found
+        abs(detected.x + detected.w / 2 - x) < (w + detected.w) / 2
+        and abs(detected.y + detected.h / 2 - y) < (h + detected.h) / 2
+        for detected in found
     )
 
 

@@ -23,7 +23,7 @@ def is_due(config: ProofTestConfig, wall: datetime, tried_ago_s: float | None, *
     if config.every_s is not None:
         return tried_ago_s >= config.every_s
     now_s = wall.hour * 3_600 + wall.minute * 60 + wall.second + wall.microsecond / 1e6
-    since = min((now_s - _seconds(one)) % _DAY_S for one in config.at or ())
+    since = min((now_s - _seconds(time_of_day)) % _DAY_S for time_of_day in config.at or ())
     return tried_ago_s > since
 
 

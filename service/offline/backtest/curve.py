@@ -121,12 +121,12 @@ def point_at(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> Poi
     scores = scores_at(judged, config, terms)
     warned = [
         warned_s
-        for one, result in zip(judged, scores, strict=True)
-        for lump, warned_s in zip(one.truth.lumps, result.warned_s, strict=True)
+        for video, result in zip(judged, scores, strict=True)
+        for lump, warned_s in zip(video.truth.lumps, result.warned_s, strict=True)
         if lump.counted
     ]
     waits = np.array([warned_s or 0.0 for warned_s in warned])
-    quiet_s = sum(quiet_time(one, terms) for one in judged)
+    quiet_s = sum(quiet_time(video, terms) for video in judged)
     standing_s = sum(result.standing_s for result in scores)
     return Point(
         raise_above=config.raise_above,
@@ -145,7 +145,7 @@ def point_at(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> Poi
 
 def scores_at(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> list[Score]:
     """The score of each video at the thresholds of `config`."""
-    return [score(one.recording, one.truth, config, terms.tolerance_s) for one in judged]
+    return [score(video.recording, video.truth, config, terms.tolerance_s) for video in judged]
 
 
 def in_time(warned_s: float | None, terms: Terms) -> bool:
@@ -154,10 +154,10 @@ def in_time(warned_s: float | None, terms: Terms) -> bool:
     return warned_s is not None and warned_s > terms.least_warning_s - 1e-6
 
 
-def quiet_time(one: Judged, terms: Terms) -> float:
+def quiet_time(video: Judged, terms: Terms) -> float:
     """Seconds of a video without a labelled lump near."""
-    mask = near(one.recording.times, one.truth.lumps, terms.tolerance_s, terms.tolerance_s)
-    return float(one.recording.intervals[~mask].sum())
+    mask = near(video.recording.times, video.truth.lumps, terms.tolerance_s, terms.tolerance_s)
+    return float(video.recording.intervals[~mask].sum())
 
 
 def curve(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> tuple[Point, ...]:

@@ -90,8 +90,8 @@ def _warnings(axis: Any, result: Result, found: Backtest, colour: str) -> None:
     scores = scores_at(result.judged, config, found.terms)
     warned = [
         warned_s or 0.0
-        for one, score in zip(result.judged, scores, strict=True)
-        for lump, warned_s in zip(one.truth.lumps, score.warned_s, strict=True)
+        for video, score in zip(result.judged, scores, strict=True)
+        for lump, warned_s in zip(video.truth.lumps, score.warned_s, strict=True)
         if lump.counted
     ]
     if warned:

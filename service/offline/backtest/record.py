@@ -113,7 +113,9 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
             if not result.decided or result.detection is None:
                 continue
             prior = result.prior
-            found = [(one.x, one.y, one.w, one.h) for one in result.detection.objects]
+            found = [
+                (detected.x, detected.y, detected.w, detected.h) for detected in result.detection.objects
+            ]
             owner += [len(said)] * len(found)
             boxes += found
             said.append((frame.seq + 1, frame.capture_s - start_s, result.detection.alarming))

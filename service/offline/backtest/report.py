@@ -57,7 +57,7 @@ def _result(result: Result, found: Backtest) -> Record:
     chosen = alarm_at(roi.alarm, result.chosen.raise_above)
     scores = scores_at(result.judged, chosen, found.terms)
     both = list(zip(result.judged, scores, strict=True))
-    clips = [_clip(one, score, found) for one, score in both]
+    clips = [_clip(video, score, found) for video, score in both]
     return {
         "config": result.setup.name,
         "camera": result.setup.camera.id,
@@ -72,8 +72,8 @@ def _result(result: Result, found: Backtest) -> Record:
         "curve": [_point(point) for point in result.points],
         "details_at": chosen.raise_above,
         "clips": sorted(clips, key=lambda clip: (-clip["missed"], -clip["false"], -clip["misplaced"])),
-        "lumps": [lump for one, score in both for lump in _lumps(one, score, found)],
-        "alarms": [alarm for one, score in both for alarm in _alarms(one, score)],
+        "lumps": [lump for video, score in both for lump in _lumps(video, score, found)],
+        "alarms": [alarm for video, score in both for alarm in _alarms(video, score)],
     }
 
 
@@ -97,28 +97,28 @@ def _point(point: Point) -> Record:
     }
 
 
-def _clip(one: Judged, score: Score, found: Backtest) -> Record:
-    counted = [warned for lump, warned in zip(one.truth.lumps, score.warned_s, strict=True) if lump.counted]
+def _clip(video: Judged, score: Score, found: Backtest) -> Record:
+    counted = [warned for lump, warned in zip(video.truth.lumps, score.warned_s, strict=True) if lump.counted]
     return {
-        "clip": one.clip,
-        "hours": _rounded(float(one.recording.intervals.sum()) / 3600),
-        "quiet_hours": _rounded(quiet_time(one, found.terms) / 3600),
+        "clip": video.clip,
+        "hours": _rounded(float(video.recording.intervals.sum()) / 3600),
+        "quiet_hours": _rounded(quiet_time(video, found.terms) / 3600),
         "lumps": len(counted),
         "missed": sum(not in_time(warned, found.terms) for warned in counted),
         "true": score.count("true"),
         "false": score.count("false"),
         "misplaced": score.count("misplaced"),
-        "lumps_not_counted": len(one.truth.lumps) - len(counted),
-        "tracks_outside": one.truth.outside,
-        "frames_not_judged": one.recording.length - len(one.recording.frames),
-        "prior": one.recording.prior,
+        "lumps_not_counted": len(video.truth.lumps) - len(counted),
+        "tracks_outside": video.truth.outside,
+        "frames_not_judged": video.recording.length - len(video.recording.frames),
+        "prior": video.recording.prior,
     }
 
 
-def _lumps(one: Judged, score: Score, found: Backtest) -> list[Record]:
+def _lumps(video: Judged, score: Score, found: Backtest) -> list[Record]:
     return [
         {
-            "clip": one.clip,
+            "clip": video.clip,
             "lump": lump.track,
             "first_frame": lump.first_frame,
             "lip_frame": lump.lip_frame,
@@ -128,15 +128,15 @@ def _lumps(one: Judged, score: Score, found: Backtest) -> list[Record]:
             "warned_s": _rounded(warned),
             "announced": in_time(warned, found.terms),
         }
-        for lump, warned in zip(one.truth.lumps, score.warned_s, strict=True)
+        for lump, warned in zip(video.truth.lumps, score.warned_s, strict=True)
     ]
 
 
-def _alarms(one: Judged, score: Score) -> list[Record]:
-    frames, times = one.recording.frames, one.recording.times
+def _alarms(video: Judged, score: Score) -> list[Record]:
+    frames, times = video.recording.frames, video.recording.times
     return [
         {
-            "clip": one.clip,
+            "clip": video.clip,
             "verdict": episode.verdict,
             "raised_frame": int(frames[episode.raised]),
             "raised_s": _rounded(float(times[episode.raised])),

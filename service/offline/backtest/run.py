@@ -38,7 +38,7 @@ class Result:
     def refused(self) -> int:
         """Videos on which the prior did not fit and the stated defaults were used."""
         wanted = self.setup.prior.version if self.setup.prior else 0
-        return sum(one.recording.prior != wanted for one in self.judged)
+        return sum(video.recording.prior != wanted for video in self.judged)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Backtest:
     @property
     def hours(self) -> float:
         """Length of the footage that was judged."""
-        return sum(float(one.recording.intervals.sum()) for one in self.results[0].judged) / 3600
+        return sum(float(video.recording.intervals.sum()) for video in self.results[0].judged) / 3600
 
 
 def run_backtest(
@@ -95,10 +95,10 @@ def run_backtest(
 def _sort(done: Sequence[Recording | Failure], clip: Clip) -> tuple[list[Recording], str | None]:
     """The recordings of one video, or why it cannot be used."""
     recordings: list[Recording] = []
-    for one in done:
-        if isinstance(one, Failure):
-            return [], one.reason
-        recordings.append(one)
+    for outcome in done:
+        if isinstance(outcome, Failure):
+            return [], outcome.reason
+        recordings.append(outcome)
     if clip.boxes and clip.labels is not None:
         try:
             check_frames(clip.boxes, recordings[0].length, clip.labels, clip.name)

@@ -36,7 +36,9 @@ _BANDS = (
 
 def shift_figures(site: str, window: Window, records: Sequence[RoiRecord], generated_s: float) -> Figures:
     """Everything that the report says."""
-    alarms = sorted((one for record in records for one in record.alarms), key=lambda one: one.raised.time_s)
+    alarms = sorted(
+        (alarm for record in records for alarm in record.alarms), key=lambda alarm: alarm.raised.time_s
+    )
     return {
         "site": site,
         "shift": {
@@ -53,7 +55,7 @@ def shift_figures(site: str, window: Window, records: Sequence[RoiRecord], gener
         },
         "rates": _rates(records, window),
         "rois": [_of_roi(record, window) for record in records],
-        "alarms": [_told(one) for one in alarms],
+        "alarms": [_told(alarm) for alarm in alarms],
     }
 
 
@@ -73,16 +75,16 @@ def _of_roi(record: RoiRecord, window: Window) -> Figures:
 
 
 def _of_alarms(alarms: Sequence[AlarmStory], window: Window) -> Figures:
-    said = Counter(None if one.verdict is None else one.verdict.says for one in alarms)
+    said = Counter(None if alarm.verdict is None else alarm.verdict.says for alarm in alarms)
     true, judged = said[Says.TRUE], said[Says.TRUE] + said[Says.FALSE]
-    acknowledged = [one.acknowledged_after_s for one in alarms]
+    acknowledged = [alarm.acknowledged_after_s for alarm in alarms]
     return {
         "lumps": len(alarms),
         "alarms_per_hour": round(len(alarms) / (window.lasts_s / 3600), 4),
-        "longest_mm": _spread(one.number("longest_mm") for one in alarms),
-        "warning_s": _spread((one.number("lip_s") for one in alarms), worst=min),
+        "longest_mm": _spread(alarm.number("longest_mm") for alarm in alarms),
+        "warning_s": _spread((alarm.number("lip_s") for alarm in alarms), worst=min),
         "acknowledge_s": _spread(acknowledged),
-        "unacknowledged": sum(one is None for one in acknowledged),
+        "unacknowledged": sum(delay_s is None for delay_s in acknowledged),
         "verdicts": {says.value: said[says] for says in Says} | {"none": said[None]},
         "precision": round(true / judged, 6) if judged else None,
         "precision_interval": [round(end, 6) for end in binomial_interval(true, judged)],
@@ -97,7 +99,7 @@ def watched(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, flo
     """
     seen_s, covered_s = 0.0, window.begin_s
     blind_s: dict[str, float] = {}
-    for span in sorted(spans, key=lambda one: (one.begin_s, one.end_s)):
+    for span in sorted(spans, key=lambda span: (span.begin_s, span.end_s)):
         begin_s, end_s = max(span.begin_s, covered_s), min(span.end_s, window.end_s)
         if end_s <= begin_s:
             continue
@@ -111,7 +113,7 @@ def watched(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, flo
 
 def _rates(records: Sequence[RoiRecord], window: Window) -> Figures:
     """What one operator hears of all ROIs, blind alarms apart."""
-    times = sorted(one.raised.time_s for record in records for one in record.alarms)
+    times = sorted(alarm.raised.time_s for record in records for alarm in record.alarms)
     counts = in_ten_minutes(times, window)
     mean = len(times) / max(window.lasts_s / TEN_MINUTES_S, 1e-9)
     return {
@@ -143,8 +145,8 @@ def _spread(values: Iterable[float | None], worst: Any = max) -> Figures:
     }
 
 
-def _told(one: AlarmStory) -> Figures:
-    raised, verdict = one.raised, one.verdict
+def _told(story: AlarmStory) -> Figures:
+    raised, verdict = story.raised, story.verdict
     return {
         "time": _iso(raised.time_s),
         "camera": raised.camera,
@@ -152,15 +154,15 @@ def _told(one: AlarmStory) -> Figures:
         "sequence": raised.sequence,
         "id": raised.id,
         "existence": raised.existence,
-        "longest_mm": one.number("longest_mm"),
-        "warning_s": one.number("lip_s"),
-        "acknowledged_s": _rounded(one.acknowledged_after_s),
-        "acknowledged_by": None if one.acknowledged is None else one.acknowledged.actor,
-        "lasted_s": _rounded(one.lasted_s),
+        "longest_mm": story.number("longest_mm"),
+        "warning_s": story.number("lip_s"),
+        "acknowledged_s": _rounded(story.acknowledged_after_s),
+        "acknowledged_by": None if story.acknowledged is None else story.acknowledged.actor,
+        "lasted_s": _rounded(story.lasted_s),
         "verdict": None if verdict is None else verdict.says.value,
         "verdict_by": None if verdict is None else verdict.actor,
         "note": None if verdict is None else verdict.note,
-        "evidence": one.evidence,
+        "evidence": story.evidence,
     }
 
 

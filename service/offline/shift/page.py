@@ -70,9 +70,9 @@ def shift_page(
 
 def _tiles(found: Figures) -> str:
     total, rois = found["total"], found["rois"]
-    worst = min((one["availability"] for one in rois), default=None)
-    blind = sum(sum(one["blind_minutes"].values()) for one in rois)
-    unknown = sum(one["unknown_minutes"] for one in rois)
+    worst = min((roi["availability"] for roi in rois), default=None)
+    blind = sum(sum(roi["blind_minutes"].values()) for roi in rois)
+    unknown = sum(roi["unknown_minutes"] for roi in rois)
     low, high = total["precision_interval"]
     precision = "-" if total["precision"] is None else f"{100 * total['precision']:.0f} %"
     judged = total["verdicts"]["true"] + total["verdicts"]["false"]
@@ -96,23 +96,23 @@ def _tiles(found: Figures) -> str:
 def _rois(rois: Sequence[Figures]) -> str:
     heads = ("region", "lumps", "while held", "precision", "available", "blind (min)", "not watched (min)")
     rows = []
-    for one in rois:
-        low, high = one["precision_interval"]
+    for roi in rois:
+        low, high = roi["precision_interval"]
         precision = "not judged"
-        if one["precision"] is not None:
-            precision = f"{100 * one['precision']:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+        if roi["precision"] is not None:
+            precision = f"{100 * roi['precision']:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
         blind = (
-            ", ".join(f"{reason} {minutes:.1f}" for reason, minutes in one["blind_minutes"].items()) or "0"
+            ", ".join(f"{reason} {minutes:.1f}" for reason, minutes in roi["blind_minutes"].items()) or "0"
         )
         rows.append(
             (
-                f"{one['camera']}/{one['roi']}",
-                str(one["lumps"]),
-                str(one["held"]),
+                f"{roi['camera']}/{roi['roi']}",
+                str(roi["lumps"]),
+                str(roi["held"]),
                 precision,
-                _percent(one["availability"]),
+                _percent(roi["availability"]),
                 blind,
-                f"{one['unknown_minutes']:.1f}",
+                f"{roi['unknown_minutes']:.1f}",
             )
         )
     return _table(heads, [[_text(cell) for cell in row] for row in rows])
@@ -121,30 +121,30 @@ def _rois(rois: Sequence[Figures]) -> str:
 def _alarms(alarms: Sequence[Figures], zone: ZoneInfo, stills: Mapping[tuple[str, str, str], bytes]) -> str:
     heads = ("time", "region", "no.", "size", "warning", "acknowledged", "lasted", "verdict", "")
     rows = []
-    for one in alarms:
+    for alarm in alarms:
         acknowledged = "<span class='bad'>no</span>"
-        if one["acknowledged_s"] is not None:
-            by = _text(one["acknowledged_by"] or "")
-            acknowledged = f"{_text(_number(one['acknowledged_s'], ' s'))}<br>{by}"
+        if alarm["acknowledged_s"] is not None:
+            by = _text(alarm["acknowledged_by"] or "")
+            acknowledged = f"{_text(_number(alarm['acknowledged_s'], ' s'))}<br>{by}"
         verdict = "not judged"
-        if one["verdict"]:
-            note = f": {_text(one['note'])}" if one["note"] else ""
-            says = _text(one["verdict"])
-            verdict = f"<span class='{says}'>{says}</span> ({_text(one['verdict_by'])}){note}"
-        still = stills.get((one["camera"], one["roi"], one["id"]))
+        if alarm["verdict"]:
+            note = f": {_text(alarm['note'])}" if alarm["note"] else ""
+            says = _text(alarm["verdict"])
+            verdict = f"<span class='{says}'>{says}</span> ({_text(alarm['verdict_by'])}){note}"
+        still = stills.get((alarm["camera"], alarm["roi"], alarm["id"]))
         picture = ""
         if still is not None:
             coded = base64.b64encode(still).decode()
             picture = f"<img class='still' alt='still' src='data:image/jpeg;base64,{coded}'>"
         rows.append(
             [
-                _text(_local(one["time"], zone)),
-                _text(f"{one['camera']}/{one['roi']}"),
-                str(one["sequence"]),
-                _text(_number(one["longest_mm"], " mm")),
-                _text(_number(one["warning_s"], " s")),
+                _text(_local(alarm["time"], zone)),
+                _text(f"{alarm['camera']}/{alarm['roi']}"),
+                str(alarm["sequence"]),
+                _text(_number(alarm["longest_mm"], " mm")),
+                _text(_number(alarm["warning_s"], " s")),
                 acknowledged,
-                _text(_number(one["lasted_s"], " s")),
+                _text(_number(alarm["lasted_s"], " s")),
                 verdict,
                 picture,
             ]
@@ -153,7 +153,7 @@ def _alarms(alarms: Sequence[Figures], zone: ZoneInfo, stills: Mapping[tuple[str
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{_text(one)}</th>" for one in heads)
+    head = "".join(f"<th>{_text(heading)}</th>" for heading in heads)
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 

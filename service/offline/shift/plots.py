@@ -87,7 +87,7 @@ def rates(records: Sequence[RoiRecord], window: Window, zone: tzinfo) -> str:
     """Alarms in each ten minutes, beside what EEMUA 191 calls a flood."""
     fig = new_figure(11.5, 2.3)
     axis = fig.subplots()
-    times = [one.raised.time_s for record in records for one in record.alarms]
+    times = [alarm.raised.time_s for record in records for alarm in record.alarms]
     counts = in_ten_minutes(times, window)
     width = TEN_MINUTES_S / 3600
     axis.bar([k * width for k in range(len(counts))], counts, width=width, align="edge", color="#4f87b8")
@@ -115,7 +115,7 @@ def _bars(
         lasts_s, value = span.end_s - span.begin_s, part(span)
         if value <= 0.0 or lasts_s <= 0.0:
             continue
-        below = sum(one(span) for one in under)
+        below = sum(part(span) for part in under)
         begin_s, end_s = max(span.begin_s, window.begin_s), min(span.end_s, window.end_s)
         left.append((begin_s - window.begin_s) / 3600)
         width.append((end_s - begin_s) / 3600)
@@ -129,7 +129,9 @@ def _hours(axis: Any, window: Window, zone: tzinfo) -> None:
     from matplotlib.ticker import FixedLocator
 
     hours = window.lasts_s / 3600
-    step = next((one for one in (0.25, 0.5, 1, 2, 3, 4, 6, 12, 24) if hours / one <= 9), hours / 8)
+    step = next(
+        (spacing for spacing in (0.25, 0.5, 1, 2, 3, 4, 6, 12, 24) if hours / spacing <= 9), hours / 8
+    )
     marks = [k * step for k in range(int(hours / step) + 1)]
     axis.xaxis.set_major_locator(FixedLocator(marks))
     shape = "%H:%M" if hours <= 36 else "%d %b %H:%M"

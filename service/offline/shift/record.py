@@ -83,9 +83,9 @@ def read_shift(config: SiteConfig, window: Window) -> list[RoiRecord]:
                 watched = list(watched_spans(db, window.begin_s, window.end_s))
                 verdicts = latest_verdicts(db)
         for roi in camera.rois:
-            own = [one for one in events if one.roi == roi.id]
+            own = [event for event in events if event.roi == roi.id]
             record = roi_record((camera.id, roi.id), own, window, verdicts)
-            record.spans = [one for one in watched if one.roi == roi.id]
+            record.spans = [span for span in watched if span.roi == roi.id]
             records.append(record)
     return records
 
@@ -95,18 +95,18 @@ def roi_record(
 ) -> RoiRecord:
     """From the events of a ROI, those after the shift included: an alarm may be acknowledged later."""
     record = RoiRecord(place)
-    in_shift = [one for one in events if window.begin_s <= one.time_s < window.end_s]
+    in_shift = [event for event in events if window.begin_s <= event.time_s < window.end_s]
     raised = Change.RAISED.value
     record.blind_alarms = sum(
-        one.change == raised and one.alarm_class is AlarmClass.BLIND for one in in_shift
+        event.change == raised and event.alarm_class is AlarmClass.BLIND for event in in_shift
     )
     record.held = sum(
-        one.change == Change.ACTIVE.value and one.alarm_class is AlarmClass.LUMP for one in in_shift
+        event.change == Change.ACTIVE.value and event.alarm_class is AlarmClass.LUMP for event in in_shift
     )
-    stories = _stories(one for one in events if one.alarm_class is AlarmClass.LUMP)
+    stories = _stories(event for event in events if event.alarm_class is AlarmClass.LUMP)
     for story in stories:
         story.verdict = verdicts.get((place[1], story.raised.id))
-    record.alarms = [one for one in stories if window.begin_s <= one.raised.time_s < window.end_s]
+    record.alarms = [story for story in stories if window.begin_s <= story.raised.time_s < window.end_s]
     return record
 
 

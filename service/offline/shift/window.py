@@ -40,18 +40,18 @@ def report_window(text: str, shifts: ShiftsConfig, now_s: float) -> Window:
     name, _, day = text.partition("@")
     if day:
         try:
-            found = [one for one in _shifts(shifts, date.fromisoformat(day)) if one.name == name]
+            found = [shift for shift in _shifts(shifts, date.fromisoformat(day)) if shift.name == name]
         except ValueError:
             raise ConfigError(f"--shift '{text}': '{day}' is not a date such as 2026-11-22") from None
     else:
         today = datetime.fromtimestamp(now_s, zone).date()
         days = (today + timedelta(days=k) for k in range(-2, 1))
-        begun = [one for when in days for one in _shifts(shifts, when) if one.begin_s <= now_s]
+        begun = [shift for when in days for shift in _shifts(shifts, when) if shift.begin_s <= now_s]
         if name == "current":
             current = begun[-1]
             return Window(f"{current.name} (so far)", current.begin_s, now_s)
-        over = [one for one in begun if one.end_s <= now_s]
-        found = [one for one in over if name in ("last", one.name)][-1:]
+        over = [shift for shift in begun if shift.end_s <= now_s]
+        found = [shift for shift in over if name in ("last", shift.name)][-1:]
     if not found:
         known = ", ".join(shifts.starts)
         raise ConfigError(
@@ -63,7 +63,7 @@ def report_window(text: str, shifts: ShiftsConfig, now_s: float) -> Window:
 def _shifts(shifts: ShiftsConfig, day: date) -> Iterator[Window]:
     """Those that begin on a day, in order. By the wall clock: where summer time begins, one is shorter."""
     zone = ZoneInfo(shifts.time_zone)
-    ordered = sorted(shifts.starts.items(), key=lambda one: one[1])
+    ordered = sorted(shifts.starts.items(), key=lambda start: start[1])
     for k, (name, begins) in enumerate(ordered):
         later = k + 1 < len(ordered)
         ends = ordered[(k + 1) % len(ordered)][1]
