@@ -124,7 +124,7 @@ def _type(field: dict[str, Any]) -> str:
     if "$ref" in field:
         return f"[{field['$ref'].rpartition('/')[2]}](#{field['$ref'].rpartition('/')[2].lower()})"
     if "anyOf" in field or "oneOf" in field:
-        return " or ".join(dict.fromkeys(_type(option) for option in field.get("anyOf", field.get("oneOf"))))
+        return " or ".join(dict.fromkeys(_type(option) for option in field.get("anyOf") or field["oneOf"]))
     if "enum" in field:
         return ", ".join(f"`{value}`" for value in field["enum"])
     if "const" in field:

@@ -35,7 +35,8 @@ def blocks(seed: int, shape: tuple[int, int]) -> Image:
     picture = np.full(shape, 90, np.uint8)
     for _ in range(shape[0] * shape[1] // 60):
         corner = rng.integers(-4, (shape[1], shape[0]))
-        cv2.rectangle(picture, corner, corner + rng.integers(2, 9, 2), int(rng.integers(40, 200)), -1)
+        opposite = corner + rng.integers(2, 9, 2)
+        cv2.rectangle(picture, corner.tolist(), opposite.tolist(), int(rng.integers(40, 200)), -1)
     return picture
 
 

@@ -182,14 +182,26 @@ def test_nothing_begins_after_the_deadline(tmp_path: Path) -> None:
     assert missing(tmp_path, task) == (OURS,)
 
 
-def test_results_of_two_codes_are_not_mixed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_of_two_codes_are_not_mixed(tmp_path: Path) -> None:
     """The feed that was being watched when the code changed is the last one."""
     watched: list[str] = []
-    monkeypatch.setattr(difficulty, "learn", lambda folder, style: None)
-    monkeypatch.setattr(difficulty, "watch", lambda folder, task: watched.append(task.name) or 1.0)
+
+    def look(folder: Path, task: Task) -> float:
+        watched.append(task.name)
+        return 1.0
+
     tasks = Plan().choosing("a")[:3]
     with ThreadPoolExecutor(1) as pool, pytest.raises(SystemExit, match="the code changed"):
-        difficulty.run(tmp_path, tasks, None, pool, lambda: len(watched) < 2, workers=1)
+        difficulty.run(
+            tmp_path,
+            tasks,
+            None,
+            pool,
+            lambda: len(watched) < 2,
+            workers=1,
+            teach=lambda folder, style: None,
+            watch=look,
+        )
     assert watched == [task.name for task in tasks[:2]]
 
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from lumpwatch.models.roi import make_roi
-from lumpwatch.models.state import X, blank
+from lumpwatch.models.state import States, X, blank
 from tests.reproduction.paper1 import footage, page
 from tests.reproduction.paper1.experiments import EXPERIMENTS, NOISY_SQUARE, SLIDE
 from tests.reproduction.paper1.footage import REAL_FPS, REAL_TRAINING, football, football_folder
 from tests.reproduction.paper1.measure import Measures, Run, after_switch, measure
-from tests.reproduction.paper1.methods import learn, learn_all_motions, make_filter
+from tests.reproduction.paper1.methods import Motions, learn, learn_all_motions, make_filter
 from tests.reproduction.paper1.scenes import (
     FOOT_ROW,
     SQUARE_SHAPE,
@@ -196,9 +196,9 @@ def test_state_first_pairs_a_state_with_the_label_of_the_step_after() -> None:
     border, inside = blank(1), blank(1)
     border[0, X], inside[0, X] = 148.0, 134.0
 
-    def bounce_share(motions, states):  # type: ignore[no-untyped-def]
+    def bounce_share(motions: Motions, states: States) -> float:
         density = motions.densities.at(states)[0]
-        return density[1] / density.sum()
+        return float(density[1] / density.sum())
 
     assert bounce_share(at_once, border) > bounce_share(at_once, inside)
     assert bounce_share(shifted, inside) > bounce_share(at_once, inside)

@@ -111,7 +111,7 @@ def promtool(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 
 
 def alerts() -> dict[str, dict[str, Any]]:
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
     for file in RULES:
         for group in YAML(typ="safe").load(file)["groups"]:
             found |= {rule["alert"]: rule for rule in group["rules"] if "alert" in rule}

@@ -6,23 +6,26 @@ Prints CLEAR, LUMP or SAFE with the reason when that changes; SAFE is what the p
 import json
 import sys
 import time
+from typing import Any
 
 import zenoh
 
 hub, site, camera, roi = sys.argv[1:]
-root, heard, alive = f"lumpwatch/v1/{site}", {}, set()
+root = f"lumpwatch/v1/{site}"
+heard: dict[str, tuple[dict[str, Any], float]] = {}
+alive: set[str] = set()
 needed = {f"{root}/@alive/monitor/{camera}", f"{root}/@alive/daemon/{site}"}
 
 
-def on_message(sample):  # what came, and when by our own monotonic clock
+def on_message(sample: zenoh.Sample) -> None:  # what came, and when by our own monotonic clock
     heard[str(sample.key_expr).rpartition("/")[2]] = json.loads(sample.payload.to_bytes()), time.monotonic()
 
 
-def on_token(sample):
+def on_token(sample: zenoh.Sample) -> None:
     (alive.add if sample.kind == zenoh.SampleKind.PUT else alive.discard)(str(sample.key_expr))
 
 
-def output():
+def output() -> str:
     for what in ("heartbeat", "level"):
         message, at_s = heard.get(what, ({"valid_s": 0.0}, float("-inf")))
         if time.monotonic() - at_s > message["valid_s"]:

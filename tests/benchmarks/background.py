@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import cycle
 
 import cv2
@@ -17,7 +18,7 @@ def run() -> list[dict[str, object]]:
     cv2.setNumThreads(1)
     subtractor = cv2.createBackgroundSubtractorMOG2()
     coming = cycle(pictures())
-    ours = {kind: make_run(kind, PARTICLES, MODELS).step for kind in KINDS}
+    ours: dict[str, Callable[[], object]] = {kind: make_run(kind, PARTICLES, MODELS).step for kind in KINDS}
     seen = alternate({"mog2": lambda: subtractor.apply(next(coming)), **ours}, turns=41)
     return [
         {

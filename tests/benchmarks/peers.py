@@ -161,8 +161,9 @@ def run() -> list[dict[str, object]]:
             ("Bernoulli", 1, 10, bernoulli(particles, 10)),
             ("multi-model", MODELS, 1, multi_model(particles, MODELS)),
         ):
-            ours = {kind: make_run(kind, particles, models).step for kind in KINDS}
-            seen = alternate({"theirs": theirs, **ours})
+            runs: dict[str, Callable[[], object]] = {"theirs": theirs}
+            runs |= {kind: make_run(kind, particles, models).step for kind in KINDS}
+            seen = alternate(runs)
             rows += [
                 {
                     "peer": peer,

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from lumpwatch.service.config import HistogramConfig, LumpConfig, load_config, parse_config
+from lumpwatch.service.config import HistogramConfig, JdtConfig, LumpConfig, load_config, parse_config
 from lumpwatch.service.config.cameras import polygon_area
 from lumpwatch.service.errors import ConfigError
 from tests.service_helpers import POLYGON, site_tree
@@ -83,6 +83,7 @@ def test_the_example_means_what_it_says() -> None:
     roi = camera.roi("apron")
     assert roi.polygon == ((0.15, 0.10), (0.85, 0.10), (0.85, 0.98), (0.15, 0.98))
     detector = roi.detector
+    assert isinstance(detector, JdtConfig)
     assert (detector.kind, detector.particles, detector.switching, detector.seed) == (
         "jdt",
         2000,
@@ -157,9 +158,9 @@ def test_colour_is_asked_for_only_where_a_likelihood_looks_at_it(
 ) -> None:
     camera = parse_config(json.dumps(site_tree(likelihood=likelihood))).cameras[0]
     assert camera.needs_colour is colour
-    assert isinstance(camera.rois[0].detector.likelihood, HistogramConfig) is (
-        likelihood["kind"] == "histogram"
-    )
+    detector = camera.rois[0].detector
+    assert isinstance(detector, JdtConfig)
+    assert isinstance(detector.likelihood, HistogramConfig) is (likelihood["kind"] == "histogram")
 
 
 @pytest.mark.parametrize(

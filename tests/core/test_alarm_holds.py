@@ -208,7 +208,7 @@ def test_what_nobody_acknowledges_is_announced_again() -> None:
     config = AT_ONCE.model_copy(update={"re_alarm_s": 30.0})
     alarm, made = step_alarm(QUIET, config, 1.0, 100.0)
     assert made is not None
-    again = []
+    again: list[Transition] = []
     for second in range(100, 200):
         alarm, changes = tick_alarm(alarm, config, float(second))
         again += changes

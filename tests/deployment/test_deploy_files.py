@@ -14,9 +14,9 @@ import pytest
 from ruamel.yaml import YAML
 
 from deploy.kubernetes.make_rules import TARGET, text
+from lumpwatch.service.bus import SHARED_MEMORY_MIB
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.deployment.bundling import CONFIG, USER
-from lumpwatch.service.runtime.preflight import SHARED_MEMORY_MIB
 
 ROOT = Path(__file__).parents[2]
 COMPOSE = ROOT / "deploy/compose/compose.yaml"

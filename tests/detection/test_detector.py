@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from lumpwatch.models.jdt.births import PolygonBirths
 from lumpwatch.models.jdt.motion import Bounce, ConstantAcceleration, ConstantVelocity, RandomWalk
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching
 from lumpwatch.models.roi import make_roi
@@ -24,7 +25,9 @@ HEIGHT = 48.0  # of the ROI in working pixels
 
 
 def config(**detector: Any) -> JdtConfig:
-    return camera(**detector).rois[0].detector
+    made = camera(**detector).rois[0].detector
+    assert isinstance(made, JdtConfig)
+    return made
 
 
 # Filters
@@ -41,6 +44,7 @@ def test_lumps_fall_fast_and_ride_slowly_by_default() -> None:
     assert fall.rate == pytest.approx((0.0, 3.0 * HEIGHT))
     assert isinstance(made.switching, FixedSwitching)
     assert made.switching.matrix == pytest.approx(np.array([[0.97, 0.03], [0.03, 0.97]]))
+    assert isinstance(made.births, PolygonBirths)
     assert made.births.model_probabilities == pytest.approx([0.5, 0.5])
 
 
@@ -64,6 +68,7 @@ def test_what_is_configured_goes_before_what_is_learned() -> None:
 def test_a_bounce_is_never_born_and_never_stays() -> None:
     made = make_filter(config(models=["constant_velocity", "bounce_x", "random_walk"]), ROI, None)
     assert [type(model) for model in made.models] == [ConstantVelocity, Bounce, RandomWalk]
+    assert isinstance(made.births, PolygonBirths)
     assert made.births.model_probabilities == pytest.approx([0.5, 0.0, 0.5])
     assert isinstance(made.switching, FixedSwitching)
     assert made.switching.matrix == pytest.approx(
@@ -76,6 +81,7 @@ def test_one_model_stays_itself() -> None:
     assert isinstance(made.switching, FixedSwitching)
     assert made.switching.matrix == pytest.approx(np.ones((1, 1)))
     only_bounces = make_filter(config(models=["bounce_x", "bounce_y"]), ROI, None)
+    assert isinstance(only_bounces.births, PolygonBirths)
     assert only_bounces.births.model_probabilities == pytest.approx([0.5, 0.5])
 
 

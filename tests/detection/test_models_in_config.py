@@ -107,6 +107,7 @@ def test_a_motion_prior_is_learned_stored_and_used(clip: WrittenFeed) -> None:
     learned = decode_prior(encode_prior(Prior(meta, trained.learned)), "prior").learned
     assert learned.cells is not None
     geometry = make_roi(roi.polygon, trained.width, trained.height, 320)
+    assert isinstance(roi.detector, JdtConfig)
     model = make_filter(roi.detector, geometry, learned).models[2]
     assert isinstance(model, MotionPrior)
     # In the middle of the belt everything moves down the picture, as the belt does.

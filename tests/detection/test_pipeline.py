@@ -9,10 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lumpwatch.models.learning.learned import Learned
+from lumpwatch.models.roi import Image, Roi
 from lumpwatch.service.capture.camera_process import Reducer
-from lumpwatch.service.config import CalibrationConfig, CameraConfig, QualityConfig
+from lumpwatch.service.config import CalibrationConfig, CameraConfig, DetectorConfig, JdtConfig, QualityConfig
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmState, Change, all_of, shelve
 from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult, Trouble
+from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.jdt import JdtDetector
@@ -231,20 +234,30 @@ def test_blindness_does_not_touch_the_alarm() -> None:
 
 
 class Failing(JdtDetector):
-    """A detector whose step raises."""
+    """A detector whose steps raise while it is told so."""
 
-    def step(self, gray: object, colour: object, dt: float) -> object:  # type: ignore[override]
-        raise FloatingPointError("weights")
+    fails = False
+
+    def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
+        if self.fails:
+            raise FloatingPointError("weights")
+        return super().step(gray, colour, dt)
 
 
 def test_a_filter_that_fails_is_blind_and_recovers(caplog: pytest.LogCaptureFixture) -> None:
     tree = site_tree()
     tree["cameras"][0]["rois"].append(tree["cameras"][0]["rois"][0] | {"id": "chute"})
-    target = CameraPipeline(site(tree).cameras[0], {"apron": prior(), "chute": prior(roi="chute")})
+    made: list[Failing] = []
+
+    def make(config: DetectorConfig, roi: Roi, learned: Learned | None) -> Failing:
+        assert isinstance(config, JdtConfig)
+        made.append(Failing(config, roi, learned))
+        return made[-1]
+
+    priors = {"apron": prior(), "chute": prior(roi="chute")}
+    target = CameraPipeline(site(tree).cameras[0], priors, make=make)
     feed(target, scene(0, 20))
-    detector = target.detector("apron")
-    assert detector is not None
-    detector.__class__ = Failing
+    made[0].fails = True
     with caplog.at_level(logging.ERROR):
         apron, chute = target.process(frame(20, bright=True), 2.0)
     assert (apron.decision, apron.reason, apron.decided) == (Decision.BLIND, BlindReason.FILTER, False)

@@ -26,7 +26,7 @@ from lumpwatch.service.core.decision import RoiResult
 from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
-from lumpwatch.service.detection.detectors.base import Detector
+from lumpwatch.service.detection.detectors.base import Detector, FilterState
 from lumpwatch.service.detection.region_channel import MakeDetector
 from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.errors import ConfigError
@@ -48,6 +48,7 @@ class Scripted:
 
     def __init__(self, roi: Roi, script: list[float | Exception], spoil: bool = False) -> None:
         self.roi = roi
+        self.learns = True
         self.intervals: list[float] = []
         self._script = script
         self._spoil = spoil
@@ -66,6 +67,12 @@ class Scripted:
 
     def clouds(self) -> tuple[Belief, ...]:
         return ()
+
+    def state(self) -> FilterState | None:
+        return None
+
+    def restore(self, state: FilterState) -> None:
+        raise AssertionError
 
 
 def scripted(*said: float | Exception, made: list[Scripted] | None = None) -> MakeDetector:

@@ -64,6 +64,7 @@ def test_a_lump_on_the_belt_has_a_size_a_speed_and_a_time() -> None:
     assert size.longest_mm == pytest.approx(800 * SHAPE_FACTOR, rel=0.02)
     assert size.equivalent_mm == pytest.approx(800, rel=0.02)
     assert size.low_mm is not None
+    assert size.longest_mm is not None
     assert size.high_mm is not None
     assert size.low_mm < size.longest_mm < size.high_mm
     assert size.speed_m_s == pytest.approx(0.6, rel=0.02)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import av
@@ -84,7 +85,7 @@ def judged(tmp_path: Path) -> Path:
         clip = replace(scene.clips[0], trigger=replace(scene.clips[0].trigger, id=name, sequence=k))
         if k < 4:
             store.write(
-                "cam", "apron", name, lambda folder, clip=clip: write_files(folder, clip, "pit", one, "1")
+                "cam", "apron", name, partial(write_files, clip=clip, site="pit", camera=one, software="1")
             )
     log.close()
     config = tmp_path / "site.yaml"

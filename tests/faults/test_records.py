@@ -231,7 +231,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         made = Site(daemon, outside, feeds, disk.folder, hub, endpoint, disk)
         began = time.monotonic()
         for name in DAMAGE:
-            wait_for("damage told", lambda name=name: made.problems("corrupt", name) == 1, PATIENCE_S)
+
+            def told(name: str = name) -> bool:
+                return made.problems("corrupt", name) == 1
+
+            wait_for("damage told", told, PATIENCE_S)
             made.damage_told_s[name] = time.monotonic() - began
         for name in feeds:
             outside.sees(name, 0.0)

@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,11 @@ def targets(port: int) -> Sequence[Mapping[str, Any]]:
     ]
 
 
+def ready(daemon: Daemon) -> bool:
+    """Whether it says so."""
+    return daemon.ready
+
+
 def main() -> None:
     """Make them all; takes five minutes."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -172,11 +178,15 @@ def main() -> None:
                 region = ("--camera", "crusher-1", "--roi", "apron")
                 daemon.command("priors", "import", str(daemon.config), str(PRIOR), *region)
                 with daemon, prometheus(within, targets(daemon.port)[: None if fleet else 1]) as asked:
-                    wait_for("ready", lambda d=daemon: d.ready, 120)
+                    wait_for("ready", partial(ready, daemon), 120)
                     start = time.time()
                     time.sleep(arguments.before)
                     server.kill()
-                    wait_for("page", lambda a=asked: any(n == "LumpwatchBlind" for n, _ in a.firing()), 90)
+
+                    def paged(asked: Prometheus = asked) -> bool:
+                        return any(alert == "LumpwatchBlind" for alert, _ in asked.firing())
+
+                    wait_for("page", paged, 90)
                     time.sleep(AFTER_S)
                     end = time.time()
                     for name in DASHBOARDS:

@@ -289,8 +289,8 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         assert [row["id"] for row in rows] == [one["id"] for one in events]
         assert "camera is being moved" in site.command("events", "--since", "1h")
         assert [one["sequence"] for one in events] == list(range(1, len(events) + 1))
-        blind = [(one["change"], one["reason"]) for one in events if one["class"] == "blind"]
-        assert blind[-4:-1] == [("raised", "no_stream"), ("acknowledged", None), ("cleared", None)]
+        blind_changes = [(one["change"], one["reason"]) for one in events if one["class"] == "blind"]
+        assert blind_changes[-4:-1] == [("raised", "no_stream"), ("acknowledged", None), ("cleared", None)]
         records = site.follower.records(None)
         assert {one["id"] for one in records} == {one["id"] for one in events}
         assert len(records) == len(events)

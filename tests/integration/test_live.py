@@ -78,15 +78,16 @@ def test_a_dead_camera_and_killed_workers_do_not_touch_the_other_camera(
             assert len(pids) == 2
             for pid in pids:
                 os.kill(pid, signal.SIGKILL)
-            wait_for(
-                f"{role}s started again",
-                lambda role=role: (
-                    daemon.metric("lumpwatch_process_restarts_total", stage=role, reason="exited") == 2
-                ),
-                20,
-            )
-            counted = frames()
-            wait_for("good camera decides on", lambda counted=counted: frames() > counted + 30, 60)
+
+            def again(role: str = role) -> bool:
+                return daemon.metric("lumpwatch_process_restarts_total", stage=role, reason="exited") == 2
+
+            wait_for(f"{role}s started again", again, 20)
+
+            def on(least: float = frames() + 30) -> bool:
+                return frames() > least
+
+            wait_for("good camera decides on", on, 60)
         code, seconds = daemon.stop()
         assert code == 0
         assert seconds < 5.0
@@ -151,11 +152,11 @@ def test_a_new_prior_is_taken_without_a_restart(daemon: Daemon) -> None:
     where = ("--camera", "crusher-1", "--roi", "apron")
     for version in (1, 2):
         assert daemon.command("priors", "import", str(daemon.config), str(PRIOR), *where).returncode == 0
-        wait_for(
-            "prior taken",
-            lambda version=version: daemon.metric("lumpwatch_prior_version") == version,
-            10,
-        )
+
+        def taken(version: int = version) -> bool:
+            return daemon.metric("lumpwatch_prior_version") == version
+
+        wait_for("prior taken", taken, 10)
     rolled = daemon.command("priors", "rollback", str(daemon.config), *where, "--version", "1")
     assert rolled.returncode == 0
     wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 10)

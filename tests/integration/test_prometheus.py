@@ -46,7 +46,7 @@ def test_the_dashboards_are_those_that_the_program_makes() -> None:
 @pytest.mark.parametrize("name", DASHBOARDS)
 def test_panels_say_what_they_show(name: str) -> None:
     panels = dashboard(name)["panels"]
-    places = set()
+    places: set[tuple[int, int]] = set()
     for panel in panels:
         assert panel["title"]
         assert panel["description"].endswith(".")

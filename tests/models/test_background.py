@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from io import BytesIO
 from math import ceil, log
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -103,7 +104,7 @@ def test_probability_of_background_tends_to_one() -> None:
     rng = np.random.default_rng(1)
     place = textured(rng)
     model = StatisticalBackground(replace(FIXED, learning_rate=0.05))
-    last = np.zeros((40, 60))
+    last = np.zeros((40, 60), np.float32)
     for n in range(1, 201):
         model.apply(noisy(place, rng, 1.0))
         now = model.background_probability()
@@ -181,8 +182,8 @@ def test_frozen_model_learns_nothing() -> None:
 def test_masked_pixels_are_neither_reported_nor_learned() -> None:
     rng = np.random.default_rng(6)
     place = textured(rng)
-    watched = np.ones((40, 60), np.bool_)
-    watched[:, :30] = False
+    watched = np.ones((40, 60), np.uint8)
+    watched[:, :30] = 0
     model = StatisticalBackground()
     for _ in range(35):
         model.apply(noisy(place, rng), mask=watched)
@@ -295,13 +296,17 @@ def test_memory_is_stated() -> None:
     once_off=st.sampled_from(["keep", "swap"]),
 )
 def test_tables_stay_sorted_and_probabilities_stay_probabilities(
-    seed: int, rate: float, share: float, rule: str, once_off: str
+    seed: int,
+    rate: float,
+    share: float,
+    rule: Literal["either", "paper"],
+    once_off: Literal["keep", "swap"],
 ) -> None:
     rng = np.random.default_rng(seed)
     options = BackgroundOptions(
         static_used=3, static_kept=5, dynamic_used=3, dynamic_kept=5, learning_rate=rate, initial_rate=rate,
         initial_frames=5, once_off_share=share, rule=rule, once_off=once_off,
-    )  # type: ignore[arg-type]  # fmt: skip
+    )  # fmt: skip
     model = StatisticalBackground(options)
     palette = rng.integers(0, 256, (4, 3)).astype(np.uint8)
     for _ in range(60):

@@ -92,7 +92,8 @@ def test_a_shifted_box_by_hand() -> None:
 
 def test_histograms_by_brute_force() -> None:
     rng = np.random.default_rng(0)
-    picture = cv2.GaussianBlur(rng.integers(0, 256, (*SHAPE, 3)).astype(np.uint8), (0, 0), 2.0)
+    noise = rng.integers(0, 256, (*SHAPE, 3)).astype(np.uint8)
+    picture = cv2.GaussianBlur(noise, (0, 0), 2.0).astype(np.uint8)
     before = np.roll(picture, 3, axis=1)
     seen = reduced(picture, before, np.zeros(SHAPE, np.uint8))
     reference = refer(seen, PERSON[0], PLAIN)

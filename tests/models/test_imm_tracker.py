@@ -33,7 +33,7 @@ Person = tuple[float, float, tuple[int, int, int], tuple[int, int, int]]
 class Difference:
     """A foreground that knows the empty scene; satisfies `Foreground`."""
 
-    def apply(self, picture: Image) -> Image:
+    def apply(self, picture: Image, learn: bool = True) -> Image:
         far = np.abs(picture.astype(int) - GROUND).max(axis=2) > 30
         return (far * 255).astype(np.uint8)
 
@@ -207,7 +207,7 @@ class Mask:
 
     mask: Image
 
-    def apply(self, picture: Image) -> Image:
+    def apply(self, picture: Image, learn: bool = True) -> Image:
         return self.mask
 
 

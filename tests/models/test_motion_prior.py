@@ -75,7 +75,8 @@ def test_scaled() -> None:
 def test_flow_of_a_shifted_picture() -> None:
     """Shifted by (3, -2) px in a tenth of a second: 30 px/s to the right and 20 upwards."""
     rng = np.random.default_rng(4)
-    picture = cv2.GaussianBlur(rng.integers(0, 256, (120, 160)).astype(np.uint8), (0, 0), 1.5)
+    noise = rng.integers(0, 256, (120, 160)).astype(np.uint8)
+    picture = cv2.GaussianBlur(noise, (0, 0), 1.5).astype(np.uint8)
     shifted = np.roll(picture, (-2, 3), axis=(0, 1))
     positions, velocities = flow_vectors(picture, shifted, 0.1)
     inner = (np.abs(positions - [80, 60]) < [60, 40]).all(axis=1)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lumpwatch.models.jdt.births import polygon_births
+from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
 from lumpwatch.models.jdt.row_profile import default_profile
 from lumpwatch.models.learning import LabelledView
 from lumpwatch.models.learning.validation import BOUND, MOST_OVERLAP, folds, judge, reliability
@@ -20,7 +22,7 @@ SHAPE = (60, 80)
 class ByColumn:
     """The log ratio of a box is the column of its centre; what lies left of 10 is outside the polygon."""
 
-    def observe(self, view: View) -> ByColumn:
+    def observe(self, view: View, dt: float = inf) -> ByColumn:
         return self
 
     def log_ratio(self, states: States) -> np.ndarray:
@@ -34,7 +36,7 @@ def view(*objects: tuple[float, float, float, float]) -> LabelledView:
     return LabelledView(View(np.zeros(SHAPE, np.uint8), None, np.zeros((61, 81), np.int32)), states)
 
 
-def births() -> object:
+def births() -> PolygonBirths:
     return polygon_births(np.ones(SHAPE, np.uint8), default_profile(60.0, 10.0, 20.0, 5.0), np.ones(1))
 
 
@@ -55,7 +57,7 @@ def test_boxes_on_an_object_are_no_background() -> None:
     whole = view((40.0, 30.0, 16.0, 16.0))
     alone = judge(ByColumn(), view(), births(), np.random.default_rng(1), 2000)
     other = judge(ByColumn(), whole, births(), np.random.default_rng(1), 2000)
-    drawn = births().draw(2000, np.random.default_rng(1))[0]  # type: ignore[attr-defined]
+    drawn = births().draw(2000, np.random.default_rng(1))[0]
     low = np.maximum(drawn[:, [X, Y]] - drawn[:, [W, H]] / 2, (32.0, 22.0))
     high = np.minimum(drawn[:, [X, Y]] + drawn[:, [W, H]] / 2, (48.0, 38.0))
     common = np.prod(np.maximum(high - low, 0.0), axis=1)

@@ -10,7 +10,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.bus import Bus, BusClosed
-from lumpwatch.service.bus.client import Reply
+from lumpwatch.service.bus.endpoints import Reply
 from lumpwatch.service.core.clock import Clocks
 from lumpwatch.service.core.decision import Decision
 from lumpwatch.service.core.frame import Frame

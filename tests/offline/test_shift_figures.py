@@ -124,7 +124,7 @@ def test_a_shift_worked_by_hand() -> None:
 
 def test_the_same_from_the_event_log_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = EventLog(event_file(tmp_path / "var", "cam"))
-    log.append(Entry(one, b"{}") for one in EVENTS)
+    log.append([Entry(one, b"{}") for one in EVENTS])
     log.add([*VERDICTS, *SPANS])
     log.close()
     config = tmp_path / "site.yaml"

@@ -13,9 +13,11 @@ import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 import lumpwatch.service
 from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
@@ -70,7 +72,7 @@ def lump_views(spec: FeedSpec) -> tuple[list[LabelledView], Roi]:
 
 def altered(gray: Image, rng: np.random.Generator) -> Image:
     """The picture of another camera: blurred or sharpened, with another gamma, contrast, brightness and noise."""
-    light = gray.astype(np.float32)
+    light: NDArray[np.floating[Any]] = gray.astype(np.float32)
     if rng.random() < 0.5:
         light = cv2.GaussianBlur(light, (0, 0), rng.uniform(0.4, 1.3)).astype(np.float32)
     elif rng.random() < 0.5:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -232,13 +233,16 @@ def costs() -> dict[str, float]:
             if stage == "filter":
                 steps.append(1e3 * seconds)
 
+    def registered(picture: Image) -> object:
+        return registration.shift(thumbnail(picture))
+
     pipeline = CameraPipeline(whole, observer=Watch())
     for frame in frames(iter(shown)):
         pipeline.process(frame, frame.received_s)
     return {
-        "look": _timed([lambda g=g: meter.measure(g) for g in grays]),
-        "activity": _timed([lambda k=k, g=g: activity.add(k / FPS, g) for k, g in enumerate(grays)]),
-        "registration": _timed([lambda s=s: registration.shift(thumbnail(s)) for s in shown]),
+        "look": _timed([partial(meter.measure, g) for g in grays]),
+        "activity": _timed([partial(activity.add, k / FPS, g) for k, g in enumerate(grays)]),
+        "registration": _timed([partial(registered, s) for s in shown]),
         "filter": float(np.median(steps)),
     }
 

@@ -49,7 +49,11 @@ class Site:
     def hear(self, name: str) -> None:
         """A report of a task, until the supervisor has it."""
         self.system.report(name)
-        soon(lambda: self.supervisor.watch() or (self.of(name) or never).beat_s == self.system.clock.now_s)
+        soon(lambda: self.heard(name))
+
+    def heard(self, name: str) -> bool:
+        self.supervisor.watch()
+        return (self.of(name) or never).beat_s == self.system.clock.now_s
 
     def of(self, name: str) -> Report | None:
         role, camera = name.split(":")

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.core.video_writer import Codec, VideoWriter
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.simulator.feed import FeedSimulator, Truth
 from lumpwatch.service.simulator.geometry import Geometry
@@ -54,7 +54,7 @@ def centre(truth: Truth) -> tuple[float, float]:
 @pytest.mark.parametrize("changes", [{}, {"width": 1280, "height": 720, "belt_length_mm": 9000}])
 def test_the_camera_is_a_pinhole_with_square_pixels(changes: dict[str, object]) -> None:
     g = Geometry.of(FeedSpec.model_validate(changes))
-    inverse = np.linalg.inv([[g.focal_px, 0, g.cu], [0, g.focal_px, g.cv], [0, 0, 1]])
+    inverse = np.linalg.inv(np.array([[g.focal_px, 0, g.cu], [0, g.focal_px, g.cv], [0, 0, 1]]))
     up = g.plane(1.0)[:, 2] - g.plane(0.0)[:, 2]
     axes = np.stack([inverse @ g.homography[:, 0], inverse @ g.homography[:, 1], inverse @ up])
     gram = axes @ axes.T
@@ -369,8 +369,8 @@ def test_skipped_frames_change_nothing(skipped: int) -> None:
 def test_gray_and_colour_pictures() -> None:
     gray, _ = FeedSimulator(spec()).render()
     colour, _ = FeedSimulator(spec(gray=False)).render()
-    assert (gray.shape, gray.dtype) == ((240, 320), np.uint8)
-    assert (colour.shape, colour.dtype) == ((240, 320, 3), np.uint8)
+    assert (gray.shape, colour.shape) == ((240, 320), (240, 320, 3))
+    assert gray.dtype == colour.dtype == np.uint8
     blue, green, red = colour.reshape(-1, 3).mean(0)
     assert blue < green < red < 1.4 * blue
     assert np.abs(cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY).astype(int) - gray).mean() < 2
@@ -438,15 +438,18 @@ def read(path: Path) -> tuple[list[np.ndarray], list[Fraction]]:
         stream = container.streams.video[0]
         frames = list(container.decode(stream))
         lumas = [
-            np.frombuffer(f.planes[0], np.uint8).reshape(-1, f.planes[0].line_size)[: f.height, : f.width]
+            np.frombuffer(bytes(f.planes[0]), np.uint8).reshape(-1, f.planes[0].line_size)[
+                : f.height, : f.width
+            ]
             for f in frames
         ]
-        return [luma.copy() for luma in lumas], [f.pts * f.time_base for f in frames]
+        times = [f.pts * f.time_base for f in frames if f.pts is not None and f.time_base is not None]
+        return [luma.copy() for luma in lumas], times
 
 
 @pytest.mark.parametrize(("codec", "name"), [("h264", "a.mp4"), ("h265", "a.mp4"), ("mjpeg", "a.avi")])
 @pytest.mark.parametrize("fps", [15.0, 29.97, 12.5])
-def test_a_written_video_reads_back(tmp_path: Path, codec: str, name: str, fps: float) -> None:
+def test_a_written_video_reads_back(tmp_path: Path, codec: Codec, name: str, fps: float) -> None:
     y, x = np.mgrid[:96, :128]
     pictures = [(2 * y + x // 4 + 3 * i).clip(0, 255).astype(np.uint8) for i in range(12)]
     with VideoWriter(tmp_path / name, 128, 96, fps, codec) as writer:
@@ -466,7 +469,9 @@ def test_colour_pictures_keep_their_luma_and_key_frames_come_with_the_gop(tmp_pa
     with av.open(str(tmp_path / "a.mp4")) as container:
         frames = list(container.decode(video=0))
     assert [i for i, frame in enumerate(frames) if frame.key_frame] == [0, 4, 8]
-    luma = np.frombuffer(frames[0].planes[0], np.uint8).reshape(-1, frames[0].planes[0].line_size)[:64, :96]
+    luma = np.frombuffer(bytes(frames[0].planes[0]), np.uint8).reshape(-1, frames[0].planes[0].line_size)[
+        :64, :96
+    ]
     assert luma.mean() == pytest.approx(0.114 * 40 + 0.587 * 90 + 0.299 * 200, abs=4)
 
 

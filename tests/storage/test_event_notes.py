@@ -194,7 +194,7 @@ def test_what_is_active_waits_or_is_held_is_never_forgotten(
 
 
 def test_the_number_of_events_is_bounded_in_steps(tmp_path: Path, log: EventLog) -> None:
-    log.append(entry(k, "raised" if k % 2 else "cleared", k, alarm=OVER) for k in range(1, 101))
+    log.append([entry(k, "raised" if k % 2 else "cleared", k, alarm=OVER) for k in range(1, 101)])
     assert [log.prune(BEGIN_S - DAY_S, 30, 40) for _ in range(4)] == [40, 30, 0, 0]
     assert [sequence for sequence, _ in kept(tmp_path)] == list(range(71, 101))
     log.append([entry(200, "raised", 200, alarm=UP)])
@@ -203,7 +203,7 @@ def test_the_number_of_events_is_bounded_in_steps(tmp_path: Path, log: EventLog)
 
 def test_the_file_gets_smaller(tmp_path: Path, log: EventLog) -> None:
     path = event_file(tmp_path, "cam")
-    log.append(entry(k, "raised", k, alarm=OVER, note="x" * 500) for k in range(2000))
+    log.append([entry(k, "raised", k, alarm=OVER, note="x" * 500) for k in range(2000)])
     log._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     before = path.stat().st_size
     while log.prune(BEGIN_S + 1e9, 10**6, 500):
@@ -214,7 +214,7 @@ def test_the_file_gets_smaller(tmp_path: Path, log: EventLog) -> None:
 
 def test_the_writer_forgets_while_nothing_else_is_to_do(tmp_path: Path) -> None:
     made = EventLog(event_file(tmp_path, "cam"))
-    made.append(entry(k, "raised", k, alarm=OVER) for k in range(1200))
+    made.append([entry(k, "raised", k, alarm=OVER) for k in range(1200)])
     made.close()
     counting = Counting()
     opened = writer(tmp_path, counting, retention=Retention(1.0, 700))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -174,7 +175,7 @@ def test_a_promotion_that_ends_on_the_way_leaves_one_of_the_two(tmp_path: Path, 
     """Every prefix of its writes: the mark, the pointer in use, the pointer of the shadow."""
     store = stored(tmp_path, "a", shadow="b")
     folder, mark = store.folder(*OF), store.path(*OF, 2).with_suffix(".trial")
-    deeds = (
+    deeds: tuple[Callable[[], None], ...] = (
         lambda: replace_file(folder / "current", b"2\n"),
         mark.unlink,
         (folder / "shadow").unlink,

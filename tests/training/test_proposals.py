@@ -108,7 +108,7 @@ def test_what_cannot_be_accepted(file: Path, tmp_path: Path) -> None:
 
 def test_ids_of_the_command() -> None:
     assert parse_ids("all") is None
-    assert parse_ids("3, 1") == {1, 3}
+    assert parse_ids("3, 1") == frozenset({1, 3})
     for wrong in ("", "1,,2", "one"):
         with pytest.raises(ConfigError, match="expected all, or ids"):
             parse_ids(wrong)

@@ -18,7 +18,8 @@ from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
 from lumpwatch.service.storage.label_file import Box, LabelError, read_labels
-from lumpwatch.service.training.learner import Trained, TrainingError, train
+from lumpwatch.service.training.footage import TrainingError
+from lumpwatch.service.training.learner import Trained, train
 from tests.service_helpers import frame, site, site_tree
 
 SECONDS, FPS = 20.0, 15.0

@@ -6,6 +6,7 @@ import json
 import re
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -50,12 +51,12 @@ class Site:
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Site:
     folder = tmp_path_factory.mktemp("site")
-    size = {"width": 240, "height": 180, "lump_spacing_s": 2.5}
+    feed = partial(FeedSpec, width=240, height=180, lump_spacing_s=2.5)
     clips = []
     for name, spec in (
-        (ODD, FeedSpec(seed=3, fps=10, lumps_per_minute=20, **size)),
-        ("slow.mp4", FeedSpec(seed=4, fps=5, lumps_per_minute=20, **size)),
-        ("empty.mp4", FeedSpec(seed=5, fps=10, lumps_per_minute=0, **size)),
+        (ODD, feed(seed=3, fps=10, lumps_per_minute=20)),
+        ("slow.mp4", feed(seed=4, fps=5, lumps_per_minute=20)),
+        ("empty.mp4", feed(seed=5, fps=10, lumps_per_minute=0)),
     ):
         written = write_video(spec, 18.0 if spec.lumps_per_minute else 3.0, folder / str(spec.seed))
         clips.append(written.video.rename(folder / name))

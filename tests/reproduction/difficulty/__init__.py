@@ -80,6 +80,8 @@ def run(
     pool: Executor,
     unchanged: Callable[[], bool] = lambda: True,
     workers: int = WORKERS,
+    teach: Callable[[Path, str], object] = learn,
+    watch: Callable[[Path, Task], float] = watch,
 ) -> None:
     """Watch the feeds in their order; what is there already is left alone. Nothing begins after the deadline.
 
@@ -91,7 +93,7 @@ def run(
         return
     print(f"  {len(to_do)} of {len(tasks)} feeds to watch; results are kept in {folder}", flush=True)
     began, done, cpu_s = time.monotonic(), 0, 0.0
-    list(pool.map(learn, [folder] * len(STYLES), STYLES))
+    list(pool.map(teach, [folder] * len(STYLES), STYLES))
     left, waiting = iter(to_do), set[Future[float]]()
     while True:
         # Only as many are handed out as are worked on: the deadline holds for each.

@@ -69,7 +69,7 @@ class Peer:
     def camera(self, style: str) -> CameraConfig:
         """A calibrated camera over a feed of the style: all know which sizes matter."""
         roi: dict[str, Any] = {"id": ROI, "polygon": polygon(style), "detector": self.detector}
-        roi["calibration"] = calibration(FeedSpec(style=style))
+        roi["calibration"] = calibration(FeedSpec.model_validate({"style": style}))
         site = {"site": "matrix", "cameras": [{"id": "feed", "source": {"url": "sim:feed"}, "rois": [roi]}]}
         return parse_config(json.dumps(site)).cameras[0]  # JSON is YAML
 
@@ -105,7 +105,7 @@ class PipelineWatcher:
 @cache
 def polygon(style: str) -> tuple[tuple[float, float], ...]:
     """The region of a feed of the style; making a feed to ask it takes its time."""
-    return FeedSimulator(FeedSpec(style=style)).polygon
+    return FeedSimulator(FeedSpec.model_validate({"style": style})).polygon
 
 
 def calibration(spec: FeedSpec) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from lumpwatch.service.simulator.spec import FeedSpec
 from tests.reproduction import matrix
 from tests.reproduction.difficulty.peers import OURS, PEERS
 from tests.reproduction.difficulty.work import SECONDS, Task
+from tests.reproduction.matrix import Scene
 
 PARTS = ("curves", "long", "matrix", "sizes")
 STYLES = ("a", "b")
@@ -45,7 +46,7 @@ class Plan:
     long_s: float = LONG_S
     peers: tuple[str, ...] = tuple(PEERS)
 
-    def standard(self, style: str) -> matrix.Scene:
+    def standard(self, style: str) -> Scene:
         """The style's standard scene."""
         return matrix.scene("standard" if style == "a" else "b-standard")
 
@@ -61,11 +62,11 @@ class Plan:
             *self._tasks(scene, empty[self.choose_empty :], self.long_s, (OURS,)),
         ]
 
-    def testing(self, scene: matrix.Scene) -> list[Task]:
+    def testing(self, scene: Scene) -> list[Task]:
         """The test feeds of a scene, those with lumps first."""
         return [*self.with_lumps(scene), *self.without(scene)]
 
-    def with_lumps(self, scene: matrix.Scene) -> list[Task]:
+    def with_lumps(self, scene: Scene) -> list[Task]:
         """The test feeds of a scene with lumps."""
         if scene.axis != "standard":
             return self._tasks(scene, islice(scene.test(), self.matrix_lumps))
@@ -73,7 +74,7 @@ class Plan:
         by_all, by_ours = specs[: self.peer_lumps], specs[self.peer_lumps :]
         return self._tasks(scene, by_all) + self._tasks(scene, by_ours, peers=(OURS,))
 
-    def without(self, scene: matrix.Scene) -> list[Task]:
+    def without(self, scene: Scene) -> list[Task]:
         """The test feeds of a scene without lumps."""
         if scene.axis == "standard":
             return self._tasks(scene, islice(scene.test_empty(), self.test_empty))
@@ -89,7 +90,7 @@ class Plan:
         )
         return self._tasks(scene, specs, self.long_s, (OURS,))
 
-    def matrix(self) -> list[matrix.Scene]:
+    def matrix(self) -> list[Scene]:
         """The scenes of the matrix."""
         return [scene for scene in matrix.scenes() if not self.scenes or scene.name in self.scenes]
 
@@ -106,7 +107,7 @@ class Plan:
 
     def _tasks(
         self,
-        scene: matrix.Scene,
+        scene: Scene,
         specs: Iterable[FeedSpec],
         seconds: float | None = None,
         peers: tuple[str, ...] | None = None,

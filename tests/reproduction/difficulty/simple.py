@@ -143,7 +143,8 @@ def grid(profile: RowProfile, roi: Roi, shifts: int, sizes: tuple[float, ...]) -
 def peaks(boxes: Boxes, scores: NDArray[np.float64], most: int) -> NDArray[np.intp]:
     """The best box, and up to `most` in all that do not overlap a better one and score above 0."""
     corners = np.column_stack([boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, 2:]])
-    left, chosen = scores.copy(), []
+    left = scores.copy()
+    chosen: list[int] = []
     while len(chosen) < most:
         best = int(left.argmax())
         if not np.isfinite(left[best]) or (chosen and left[best] <= 0.0):

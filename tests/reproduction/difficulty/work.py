@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numba
@@ -168,7 +169,7 @@ class _Said:
     """Gathers what a method says."""
 
     def __init__(self) -> None:
-        self._frames: list[tuple[float, float, float]] = []
+        self._frames: list[tuple[float, float]] = []
         self._owner: list[int] = []
         self._estimates: list[np.ndarray] = []
 
@@ -211,7 +212,18 @@ def truth_boxes(folder: Path, task: Task) -> tuple[list[Box], dict[int, float]]:
     with np.load(_path(folder, task, "truth")) as kept:
         rows = kept["truth"]
     rows = rows[np.lexsort((rows[:, 0], rows[:, 1]))]
-    boxes = [Box(int(r[0]), int(r[1]), *map(float, r[2:6]), model="fall" if r[6] else "belt") for r in rows]
+    boxes = [
+        Box(
+            int(r[0]),
+            int(r[1]),
+            float(r[2]),
+            float(r[3]),
+            float(r[4]),
+            float(r[5]),
+            "fall" if r[6] else "belt",
+        )
+        for r in rows
+    ]
     return boxes, {int(r[1]): float(r[7]) for r in rows}
 
 
@@ -223,7 +235,7 @@ def _path(folder: Path, task: Task, what: str) -> Path:
     return folder / f"{task.name}.{what}.npz"
 
 
-def _save(path: Path, **arrays: np.ndarray) -> None:
+def _save(path: Path, **arrays: Any) -> None:
     part = path.with_suffix(f".{os.getpid()}.part")
     with part.open("wb") as file:
         np.savez_compressed(file, **arrays)

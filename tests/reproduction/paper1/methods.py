@@ -165,7 +165,7 @@ def learn(experiment: Experiment, scenes: Sequence[Scene]) -> Knowledge:
     views = [item for scene in scenes for item in labelled_views(scene, roi)]
     rng = np.random.default_rng(1)
     if experiment.likelihood == "lump":
-        return Knowledge(roi, steps, profile, fit_lump(views, births, rng))
+        return Knowledge(roi, steps, profile, fit_lump([(views, births)], rng))
     return Knowledge(roi, steps, profile, fit_histogram(views, births, experiment.likelihood, rng))
 
 

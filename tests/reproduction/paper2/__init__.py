@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
+from lumpwatch.models.evaluation import Tracks
 from lumpwatch.models.trackers.foreground import MixtureForeground
 from lumpwatch.models.trackers.imm_pf import TrackerOptions
 from tests.reproduction.paper2 import baseline, footage, page, plots
@@ -86,7 +87,7 @@ def main(docs: Path = DOCS, runs: int = RUNS) -> None:
     (docs / "results" / "paper2.md").write_text(text, encoding="utf-8")
 
 
-def _baselines(learned: footage.Learned, truth: footage.Tracks) -> dict[str, list[Outcome]]:
+def _baselines(learned: footage.Learned, truth: Tracks) -> dict[str, list[Outcome]]:
     if not baseline.available():
         return {}
     return {

@@ -102,7 +102,7 @@ def _trails(axes: Axes, objects: Objects, names: Sequence[str]) -> None:
         feet = np.array([(one.box[0], one.box[1] + one.box[3] / 2) for one in track])
         colours = [COLOURS[names[int(one.model_shares.argmax())]] for one in track]
         axes.add_collection(
-            LineCollection(np.stack([feet[:-1], feet[1:]], axis=1), colors=colours[1:], linewidths=1.8)
+            LineCollection(list(np.stack([feet[:-1], feet[1:]], axis=1)), colors=colours[1:], linewidths=1.8)
         )
 
 

@@ -59,10 +59,13 @@ class _Shared:
     """What every task of this worker needs."""
 
     def __init__(self, place: Path, shape: tuple[int, int], knowledge: Knowledge, truth: Tracks) -> None:
-        grids = [np.load(place / f"{name}.npy", mmap_mode="r") for name in ("colour", "motion", "foreground")]
+        colour, motion, foreground = (
+            np.load(place / f"{name}.npy", mmap_mode="r") for name in ("colour", "motion", "foreground")
+        )
         self.grids = [
-            PictureGrids(*(np.array(grid[k]) for grid in grids), shape)  # a copy in memory: some 260 MB
-            for k in range(len(grids[0]))
+            # copies in memory: some 260 MB
+            PictureGrids(np.array(colour[k]), np.array(motion[k]), np.array(foreground[k]), shape)
+            for k in range(len(colour))
         ]
         self.knowledge, self.truth = knowledge, truth
 
@@ -79,7 +82,7 @@ def initialise(place: Path, shape: tuple[int, int], knowledge: Knowledge, truth:
 class NoForeground:
     """Stands where the masks were made beforehand."""
 
-    def apply(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def apply(self, picture: NDArray[np.uint8], learn: bool = True) -> NDArray[np.uint8]:
         """Never called."""
         raise NotImplementedError
 

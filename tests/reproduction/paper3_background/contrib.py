@@ -6,8 +6,10 @@ interpreter with opencv-contrib-python-headless and NumPy; this file imports not
 
 from __future__ import annotations
 
+import importlib
 import sys
 import time
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,9 +21,10 @@ if __name__ == "__main__":
     cv2.setNumThreads(threads)
     clock = time.process_time if threads == 1 else time.perf_counter
     pictures = np.load(sys.argv[1])
-    found = {}
+    bgsegm = importlib.import_module("cv2.bgsegm")
+    found: dict[str, Any] = {}
     for name in METHODS:
-        subtractor = getattr(cv2.bgsegm, f"createBackgroundSubtractor{name}")()
+        subtractor = getattr(bgsegm, f"createBackgroundSubtractor{name}")()
         masks, seconds = [], []
         for picture in pictures:
             began = clock()

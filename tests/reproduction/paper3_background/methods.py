@@ -31,6 +31,16 @@ class Found(NamedTuple):
     seconds: NDArray[np.float64]
 
 
+class _Opencv:
+    """A subtractor of OpenCV's."""
+
+    def __init__(self, subtractor: cv2.BackgroundSubtractor) -> None:
+        self._subtractor = subtractor
+
+    def apply(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        return self._subtractor.apply(picture).astype(np.uint8, copy=False)
+
+
 def own_methods(threads: int = 1) -> dict[str, Callable[[], Subtractor]]:
     """Those that run in this process, all with their defaults."""
     return {
@@ -38,8 +48,8 @@ def own_methods(threads: int = 1) -> dict[str, Callable[[], Subtractor]]:
         PAPER: lambda: StatisticalBackground(
             BackgroundOptions(threads=threads, rule="paper", once_off="swap", noise_floor=0.0)
         ),
-        "MOG2": cv2.createBackgroundSubtractorMOG2,
-        "KNN": cv2.createBackgroundSubtractorKNN,
+        "MOG2": lambda: _Opencv(cv2.createBackgroundSubtractorMOG2()),
+        "KNN": lambda: _Opencv(cv2.createBackgroundSubtractorKNN()),
     }
 
 

@@ -48,15 +48,16 @@ def highway(path: Path) -> bool:
     if folder is None:
         return False
     capture = cv2.VideoCapture(str(folder / "video03.avi"))
-    ours, mog2, rows = StatisticalBackground(), cv2.createBackgroundSubtractorMOG2(), []
+    ours, mog2 = StatisticalBackground(), cv2.createBackgroundSubtractorMOG2()
+    rows: list[list[Image]] = []
     for frame in range(max(HIGHWAY_FRAMES) + 1):
-        good, picture = capture.read()
+        good, read = capture.read()
         if not good:
             break
+        picture = read.astype(np.uint8, copy=False)
         mask, other = ours.apply(picture), mog2.apply(picture)
         if frame in HIGHWAY_FRAMES:
-            other = np.where(other == 255, 255, 0).astype(np.uint8)
-            rows.append([sketch(picture), mask, other])
+            rows.append([sketch(picture), mask, np.where(other == 255, 255, 0).astype(np.uint8)])
     capture.release()
     titles = ["line drawing of the picture", "ours", "MOG2 without shadow pixels"]
     grid(rows, titles, [f"frame {frame}" for frame in HIGHWAY_FRAMES[: len(rows)]], path)
