@@ -1,6 +1,7 @@
 # Two commands do everything on a fresh machine with Python 3.11+, make and git: make demo, make test.
 PYTHON ?= python3
 DEMO_SECONDS ?= 0
+FOOTAGE ?= ../shared/data
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
@@ -19,7 +20,7 @@ SYSTEM_PACKAGES := prometheus prometheus-alertmanager iproute2 iptables libfaket
 ENGINE_PACKAGES := podman buildah runc catatonit debootstrap
 BASE ?= localhost/python:3.11-slim-bookworm
 
-.PHONY: help setup demo test quick container figures pictures lint format bench reproduce docs lock sbom audit system base clean
+.PHONY: help setup demo test quick container figures model pictures lint format bench reproduce docs lock sbom audit system base clean
 
 help: ## this list
 	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,6 +51,11 @@ container: setup base ## the image on a real engine: built, run, killed, upgrade
 
 figures: setup base ## what docs/deployment.md says of size, start, memory and gaps; as root
 	LUMPWATCH_TEST_BASE=$(BASE) $(BIN)/python -m tests.container.figures
+
+model: setup ## net and score that ship, from FOOTAGE; some hours; see docs/model-card.md
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --group model
+	OMP_NUM_THREADS=1 $(BIN)/python -m lumpwatch.service.training.model_builder $(FOOTAGE) build/model service/detection/default_lump.npz
+	$(BIN)/python -m tests.reproduction.defaults
 
 pictures: setup ## the pictures of docs/dashboards.md; needs Debian's prometheus and chromium
 	$(BIN)/python -m tests.integration.pictures

@@ -88,12 +88,9 @@ def bright_fit(channel: Literal["luma", "colour"] = "luma") -> HistogramFit:
 
 def lump_fit() -> LumpFit:
     n = len(FEATURES)
+    weights = np.linspace(-1.0, 1.0, 2 * n)
     return LumpFit(
-        np.linspace(0.1, 0.8, n),
-        np.linspace(0.5, 1.2, n),
-        np.linspace(-1.0, 1.0, 2 * n),
-        0.25,
-        net=default_likelihood().net,
+        np.linspace(0.1, 0.8, n), np.linspace(0.5, 1.2, n), weights, 0.25, net=default_likelihood().net
     )
 
 

@@ -21,7 +21,7 @@ from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLik
 from lumpwatch.models.likelihood.histogram import BINS
 from lumpwatch.models.roi import Image, Roi, make_roi
 from lumpwatch.models.state import Y
-from lumpwatch.service.detection.shipped_likelihood import default_likelihood
+from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
 from lumpwatch.service.simulator.feed import FeedSimulator
 from lumpwatch.service.simulator.spec import FeedSpec
 
@@ -51,7 +51,9 @@ def make_likelihood(kind: Kind) -> Likelihood:
     """A likelihood with plausible numbers; its cost does not depend on them."""
     if kind == "lump":
         fit = default_likelihood()
-        return LumpLikelihood(fit.mean, fit.scale, fit.weights, fit.offset, EVIDENCE, BOUND)
+        return LumpLikelihood(
+            make_net(), fit.mean, fit.scale, fit.weights, fit.offset, EVIDENCE, BOUND, patterns=fit.patterns
+        )
     levels = np.exp(-0.5 * ((np.arange(BINS) - 9.0) / 2.0) ** 2)
     return HistogramLikelihood(levels / levels.sum(), 2.0, 12.0, EVIDENCE, BOUND)
 

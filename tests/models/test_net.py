@@ -112,7 +112,7 @@ def test_blocks_become_channels() -> None:
     gray[4:6, 10:12] = 255  # halved: row 2, column 5; the cell in row 1, column 2, lower... upper right pixel
     folded = normalised(gray)
     assert folded.shape == (4, 4, 4)
-    assert np.unravel_index(folded.argmax(), folded.shape) == (1, 1, 2)
+    assert [int(k) for k in np.unravel_index(folded.argmax(), folded.shape)] == [1, 1, 2]
 
 
 @pytest.mark.parametrize(("gain", "shift"), [(0.5, 20.0), (1.6, -30.0)])

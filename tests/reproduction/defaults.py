@@ -1,16 +1,11 @@
-"""Fits what ships with the product: `python -m tests.reproduction.defaults lump`, then `… defaults demo`.
+"""Fits the prior of the demo, on 90 s of the simulated feed: `python -m tests.reproduction.defaults`.
 
-service/detection/default_lump.npz   the lump likelihood of a ROI without a prior, and where training starts: from
-                               288 simulated minutes of all kinds of lumps, of both styles, with boxes of all sizes
-service/simulator/demo.prior          the prior of the demo, trained on 90 s of the simulated feed
+It is bound to the net that ships (`make model`), so it is made anew after it.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,8 +16,7 @@ from numpy.typing import NDArray
 
 import lumpwatch.service
 from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
-from lumpwatch.models.learning import LabelledView, LumpFit, fit_lump
-from lumpwatch.models.learning.fit import Scene
+from lumpwatch.models.learning import LabelledView
 from lumpwatch.models.roi import Image, Roi, make_roi
 from lumpwatch.models.state import H, W, X, Y, blank
 from lumpwatch.service.capture.recordings import read_frames
@@ -32,15 +26,10 @@ from lumpwatch.service.detection.detectors.filters import make_profile
 from lumpwatch.service.simulator.feed import FeedSimulator
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
-from lumpwatch.service.storage.fit_arrays import told
 from lumpwatch.service.storage.label_file import read_labels
 from lumpwatch.service.storage.prior_file import Prior, encode_prior
 from lumpwatch.service.training.learner import train
 
-PATTERNS = 128
-FIRST_SEED = 9200
-SEEDS = 12
-"""Feeds of each look and style."""
 SECONDS = 60.0
 EVERY = 20
 """Of their pictures one in so many is kept."""
@@ -86,46 +75,9 @@ def altered(gray: Image, rng: np.random.Generator) -> Image:
     return np.clip(light + rng.uniform(-20.0, 20.0), 0.0, 255.0).astype(np.uint8)
 
 
-LUMPS: dict[str, object] = {
-    "smallest_lump": 1.0, "largest_lump": 2.2, "lumps_per_minute": 14.0, "cluster_share": 0.3, "dust": 0.3,
-    "frozen_share": 0.3, "smooth_share": 0.2, "slab_share": 0.1, "buried_share": 0.2,
-}  # fmt: skip
-LOOKS: tuple[dict[str, object], ...] = (
-    {},
-    {"dust": 0.6, "medium_rocks_per_minute": 100.0},
-    {"dust": 0.9, "light_drift": 0.3},
-    {"night": 0.5, "noise": 4.0},
-    {"night": 0.9},
-    {"rain": 0.4, "lens_drops": 3},
-    {"snow": 0.4, "lump_contrast": 0.8},
-    {"steam": 0.3},
-    {"lump_contrast": 0.6},
-    {"sun_patches": 0.7, "shadow_edges": 0.4},
-    {"h264_crf": 32},
-    {"exposure_jump": 2.0, "exposure_every_s": 6.0},
-)
-"""Kinds of lumps and looks of the place; both styles of the feed show each."""
-
-
 def default_births(roi: Roi) -> PolygonBirths:
     """Boxes of all sizes that lumps have by default, anywhere in the ROI."""
     return polygon_births(roi.mask, make_profile(JdtConfig().size_h, None, roi), np.ones(1))
-
-
-def default_lump() -> LumpFit:
-    """Fit on lumps of all kinds, in every weather, in both styles."""
-    scenes: list[Scene] = []
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)) as pool:
-        for style in ("a", "b"):
-            specs = [
-                FeedSpec.model_validate({"seed": FIRST_SEED + number, "style": style, **LUMPS, **look})
-                for number, look in enumerate(SEEDS * LOOKS)
-            ]
-            feeds = list(pool.map(lump_views, specs))
-            births = default_births(feeds[0][1])
-            scenes.append(([view for views, _ in feeds for view in views], births))
-    return fit_lump(scenes, np.random.default_rng(1), patterns=PATTERNS)
 
 
 def demo_prior() -> Prior:
@@ -141,14 +93,4 @@ def demo_prior() -> Prior:
 
 if __name__ == "__main__":
     package = Path(lumpwatch.service.__file__).parent
-    match sys.argv[1:]:
-        case ["lump"]:
-            # Half as many digits as in a prior: it is part of every installation.
-            arrays = {name: array.astype(np.float32) for name, array in told(default_lump()).items()}
-            for default in ("fit_looks", "fit_margin"):
-                del arrays[default]
-            np.savez(package / "detection" / "default_lump.npz", allow_pickle=False, **arrays)
-        case ["demo"]:
-            (package / "simulator" / "demo.prior").write_bytes(encode_prior(demo_prior()))
-        case _:
-            sys.exit("say lump or demo")
+    (package / "simulator" / "demo.prior").write_bytes(encode_prior(demo_prior()))

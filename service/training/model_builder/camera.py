@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.service.training.model_builder.scene import Belt
-from lumpwatch.service.training.model_builder.stock import Ids, Plane
+from lumpwatch.service.training.model_builder.stock import Bytes, Ids, Plane
 
 WIDTH, HEIGHT = 320, 240
 """Of the working picture."""
@@ -20,9 +20,9 @@ _FINE = 2
 class Shot:
     """A working picture and its truth."""
 
-    grey: NDArray[np.uint8]
+    grey: Bytes
     ids: Ids
-    inside: NDArray[np.uint8]
+    inside: Bytes
     """1 on the belt."""
     limit_px: NDArray[np.float32]
     """How long a body at the limit is, by row (240,)."""
@@ -53,7 +53,7 @@ def shoot(belt: Belt, rng: np.random.Generator) -> Shot:
     return Shot(working, np.where(small, ids, 0), small.astype(np.uint8), limit)
 
 
-def develop(fine: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:
+def develop(fine: Plane, rng: np.random.Generator) -> Bytes:
     """A picture of twice the working size in some light and weather, as a working picture."""
     picture = _sensor(_weather(_light(fine, rng), rng), rng)
     return np.asarray(cv2.resize(picture, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA), np.uint8)
@@ -182,7 +182,7 @@ def _weather(picture: Plane, rng: np.random.Generator) -> Plane:
             )
         picture = picture + 90.0 * cv2.GaussianBlur(drops, (0, 0), 0.8)
     if rng.random() < 0.08:  # snow
-        flakes = np.zeros((h, w), np.float32)
+        flakes: Plane = np.zeros((h, w), np.float32)
         for _ in range(int(rng.integers(40, 400))):
             centre = int(rng.uniform(0, w)), int(rng.uniform(0, h))
             cv2.circle(flakes, centre, int(rng.integers(1, 5)), float(rng.uniform(0.3, 1.0)), -1)
@@ -195,12 +195,12 @@ def _weather(picture: Plane, rng: np.random.Generator) -> Plane:
             cv2.circle(
                 wet, (int(rng.uniform(0, w)), int(rng.uniform(0, h))), int(rng.integers(10, 55)), 1.0, -1
             )
-        wet = cv2.GaussianBlur(wet, (0, 0), 4.0)
-        picture = picture + wet * (1.05 * blurred - picture)
+        soft = cv2.GaussianBlur(wet, (0, 0), 4.0)
+        picture = picture + soft * (1.05 * blurred - picture)
     return picture.astype(np.float32)
 
 
-def _sensor(picture: Plane, rng: np.random.Generator) -> NDArray[np.uint8]:
+def _sensor(picture: Plane, rng: np.random.Generator) -> Bytes:
     h, w = picture.shape
     if rng.random() < 0.5:
         picture = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 2.2))
@@ -211,23 +211,25 @@ def _sensor(picture: Plane, rng: np.random.Generator) -> NDArray[np.uint8]:
         picture = cv2.filter2D(picture, -1, kernel)
     if rng.random() < 0.15:
         picture = picture + rng.uniform(0.3, 1.5) * (picture - cv2.GaussianBlur(picture, (0, 0), 2.0))
-    noise = rng.standard_normal((h, w), dtype=np.float32)
+    noise: Plane = rng.standard_normal((h, w), dtype=np.float32)
     if rng.random() < 0.3:
         noise = 1.8 * cv2.GaussianBlur(noise, (0, 0), rng.uniform(0.6, 1.4))
     level = (
         float(np.exp(rng.uniform(np.log(0.5), np.log(9.0)))) if rng.random() < 0.9 else rng.uniform(9.0, 26.0)
     )
     picture = picture + level * noise
-    out = np.clip(picture, 0, 255).astype(np.uint8)
+    out: Bytes = np.clip(picture, 0, 255).astype(np.uint8)
     if rng.random() < 0.5:
         quality = int(rng.integers(8, 70))
         if rng.random() < 0.3:  # as a small stream scaled up
             small = cv2.resize(out, (w // 2, h // 2), interpolation=cv2.INTER_AREA)
-            out = cv2.imdecode(
-                cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_GRAYSCALE
-            )
+            out = _coded(small, quality)
             return np.asarray(cv2.resize(out, (w, h), interpolation=cv2.INTER_LINEAR), np.uint8)
-        out = cv2.imdecode(
-            cv2.imencode(".jpg", out, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_GRAYSCALE
-        )
+        out = _coded(out, quality)
     return np.asarray(out, np.uint8)
+
+
+def _coded(picture: Bytes, quality: int) -> Bytes:
+    """What is left of a picture after JPEG."""
+    content = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    return np.asarray(cv2.imdecode(content, cv2.IMREAD_GRAYSCALE), np.uint8)

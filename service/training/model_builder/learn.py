@@ -48,7 +48,7 @@ def batches(pictures: Arrays, rng: np.random.Generator) -> Iterator[tuple[Tensor
             seen, maps = [], []
             for k in chosen:
                 across, down = bool(rng.integers(2)), bool(rng.integers(2))
-                grey = _altered(pictures["grey"][k], rng)  # type: ignore[arg-type]
+                grey = _altered(pictures["grey"][k], rng)
                 one = [pictures[key][k].astype(np.float32) for key in ("body", "edge", "inside")]
                 sides = pictures["sides"][k].astype(np.float32)
                 if across:
@@ -123,14 +123,13 @@ def train(
         optimiser.step()
         keep = min(_AVERAGE, (step + 1) / (step + 20))
         with torch.no_grad():
-            for mean, new in zip(average.parameters(), net.parameters(), strict=True):
-                mean.lerp_(new, 1.0 - keep)
+            for kept, new in zip(average.parameters(), net.parameters(), strict=True):
+                kept.lerp_(new, 1.0 - keep)
         seen += [float(one.detach()) for one in parts]
         step += 1
         if step % 100 == 0:
-            told(
-                f"{step} steps, {time.monotonic() - began:.0f} s, {part:.0%}: body {seen[0] / 100:.4f} edge {seen[1] / 100:.4f} sides {seen[2] / 100:.4f}"
-            )
+            mean = " ".join(f"{value:.4f}" for value in seen / 100)
+            told(f"{step} steps, {time.monotonic() - began:.0f} s, {part:.0%}: body, edge, sides {mean}")
             seen[:] = 0
         if step % 500 == 0:
             if checkpoint is not None:

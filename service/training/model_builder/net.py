@@ -32,9 +32,11 @@ class BodyNet(nn.Module):
         for layer in self.modules():
             if isinstance(layer, nn.Conv2d):
                 nn.init.kaiming_normal_(layer.weight)
-                nn.init.zeros_(layer.bias)
+                if layer.bias is not None:
+                    nn.init.zeros_(layer.bias)
         nn.init.normal_(self.heads.weight, std=0.05)
-        self.heads.bias.data = torch.tensor([-1.0, -1.0, 2.5, 2.5, 2.5, 2.5])
+        first = torch.tensor([-1.0, -1.0, 2.5, 2.5, 2.5, 2.5])
+        self.heads.bias = nn.Parameter(first)
 
     def forward(self, x: Tensor) -> Tensor:
         """The maps."""
@@ -50,7 +52,7 @@ class BodyNet(nn.Module):
         x = x + relu(self.joined(x))
         x = fine + functional.interpolate(self.upper(x), scale_factor=2.0, mode="nearest")
         x = x + relu(self.finish(x))
-        return self.heads(x)  # type: ignore[no-any-return]
+        return self.heads(x)
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
         """Weights and offsets by name, as they ship; the share of the deep layers is in them."""

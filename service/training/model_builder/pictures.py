@@ -14,7 +14,7 @@ from lumpwatch.service.simulator import FeedSimulator, FeedSpec
 from lumpwatch.service.training.model_builder.camera import HEIGHT, WIDTH, develop, shoot
 from lumpwatch.service.training.model_builder.scene import make_belt
 from lumpwatch.service.training.model_builder.split import Part
-from lumpwatch.service.training.model_builder.stock import Ids, Stock, load_stock
+from lumpwatch.service.training.model_builder.stock import Bytes, Ids, Stock, load_stock
 from lumpwatch.service.training.model_builder.truth import Truth, truth_of
 
 _MOST_WHITE = 0.35
@@ -25,10 +25,10 @@ _LEAST_CONTRAST = 3.0
 class Picture:
     """A picture to learn from."""
 
-    grey: NDArray[np.uint8]
+    grey: Bytes
     """(240, 320)"""
     truth: Truth
-    inside: NDArray[np.uint8]
+    inside: Bytes
     """1 on the belt, by cell (60, 80)."""
     limit_px: NDArray[np.float32]
     """How long a body at the limit is, by row (240,)."""
@@ -134,7 +134,7 @@ def _bodies(feed: FeedSimulator, t: float) -> Ids:
     return ids
 
 
-def _cells(inside: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _cells(inside: Bytes) -> Bytes:
     return np.ascontiguousarray(inside[2::4, 2::4])
 
 

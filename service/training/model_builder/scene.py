@@ -55,8 +55,7 @@ def make_belt(stock: Stock, rng: np.random.Generator) -> Belt:
     if kind == 0:
         belt = quilt(stock, rng, limit * float(np.exp(rng.uniform(np.log(0.0016), np.log(0.0085)))), limit)
     elif kind == 1:  # real ore as it is, its own rocks for lumps
-        belt = quilt(stock, rng, limit * rng.uniform(0.009, 0.019), limit)
-        return belt
+        return quilt(stock, rng, limit * rng.uniform(0.009, 0.019), limit)
     elif kind == 2:  # stones of all sizes side by side
         belt = leaves(stock, rng, limit, limit * float(np.exp(rng.uniform(np.log(0.3), np.log(1.6)))))
         if rng.random() < 0.5:
@@ -137,8 +136,7 @@ def quilt(stock: Stock, rng: np.random.Generator, scale: float, limit: float) ->
     mean = float(np.mean([one.grey.mean() for one in chosen]))
     sized = []
     for one in chosen:
-        for turn in range(4):
-            sized.append(_sized(one, side, turn, bool(rng.integers(2)), mean))
+        sized += [_sized(one, side, turn, bool(rng.integers(2)), mean) for turn in range(4)]
     belt = Belt(np.full((HEIGHT, WIDTH), mean, np.float32), np.zeros((HEIGHT, WIDTH), np.int32), limit)
     feather = _feather(side)
     places = [(y, x) for y in range(-side // 2, HEIGHT, step) for x in range(-side // 2, WIDTH, step)]

@@ -6,6 +6,7 @@ import json
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,7 +15,10 @@ from numpy.typing import NDArray
 from lumpwatch.service.simulator import View, body, draw_body, turned
 from lumpwatch.service.training.model_builder.split import Part, part_of
 
-Plane = NDArray[np.float32]
+Plane = NDArray[Any]
+"""A grey picture (h, w), float32."""
+Bytes = NDArray[Any]
+"""A grey picture or mask (h, w), uint8."""
 Ids = NDArray[np.int32]
 
 _ROCK, _AGGLOMERATE = 2, 3

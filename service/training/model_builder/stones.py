@@ -63,7 +63,7 @@ def _texture(stock: Stock, rng: np.random.Generator) -> Plane:
         texture = _patch(stock.ore[int(rng.integers(len(stock.ore)))].grey, rng)
     else:
         texture = np.zeros((128, 128), np.float32)
-        fall_off = rng.uniform(0.4, 1.6)
+        fall_off = float(rng.uniform(0.4, 1.6))
         for octave in range(6):
             side = 3 << octave
             layer = cv2.resize(
@@ -72,10 +72,10 @@ def _texture(stock: Stock, rng: np.random.Generator) -> Plane:
                 interpolation=cv2.INTER_CUBIC,
             )
             texture += layer * 2.0 ** (-fall_off * octave)
-        texture *= rng.uniform(3.0, 25.0) / float(texture.std())
+        texture = texture * (rng.uniform(3.0, 25.0) / float(texture.std()))
     texture = texture - texture.mean()
     if float(texture.std()) > 40.0:
-        texture *= 40.0 / float(texture.std())
+        texture = texture * (40.0 / float(texture.std()))
     return (110.0 + texture).astype(np.float32)
 
 
@@ -91,7 +91,7 @@ def _polygon(texture: Plane, rng: np.random.Generator) -> Cut:
     angles = np.sort(rng.uniform(0, 2 * np.pi, n))
     radius = 58.0 * rng.uniform(0.62, 1.0, n)
     aspect = rng.uniform(0.6, 1.0)
-    points = np.column_stack([radius * np.cos(angles), aspect * radius * np.sin(angles)]) + 64.0
+    points: Plane = np.column_stack([radius * np.cos(angles), aspect * radius * np.sin(angles)]) + 64.0
     if rng.random() < 0.6:
         points = cv2.convexHull(points.astype(np.float32))[:, 0]
     mask = np.zeros((128, 128), np.float32)

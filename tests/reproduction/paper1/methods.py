@@ -41,6 +41,7 @@ from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLik
 from lumpwatch.models.likelihood.histogram import Channel
 from lumpwatch.models.roi import Roi, make_roi
 from lumpwatch.models.state import H, W, X, Y, blank
+from lumpwatch.service.detection import make_net
 from tests.reproduction.paper1.scenes import Scene
 
 Kind = Literal[
@@ -165,7 +166,7 @@ def learn(experiment: Experiment, scenes: Sequence[Scene]) -> Knowledge:
     views = [item for scene in scenes for item in labelled_views(scene, roi)]
     rng = np.random.default_rng(1)
     if experiment.likelihood == "lump":
-        return Knowledge(roi, steps, profile, fit_lump([(views, births)], rng))
+        return Knowledge(roi, steps, profile, fit_lump([(views, births)], rng, make_net()))
     return Knowledge(roi, steps, profile, fit_histogram(views, births, experiment.likelihood, rng))
 
 
@@ -317,6 +318,7 @@ def make_likelihood(experiment: Experiment, fit: HistogramFit | LumpFit) -> Like
     """The appearance model, the same for all methods."""
     if isinstance(fit, LumpFit):
         return LumpLikelihood(
+            make_net(),
             fit.mean,
             fit.scale,
             fit.weights,
