@@ -1,7 +1,7 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, difficulty, paper1, paper2, background, jpda, quality, pictures. What
-follows `difficulty` with a dash is for it: `python -m tests.reproduction difficulty --help`.
+Words on the command line choose some: lumps, difficulty, real, paper1, paper2, background, jpda, quality,
+pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from tests.reproduction import (  # noqa: E402
     pictures,
     quality,
 )
+from tests.reproduction.real import suite as real  # noqa: E402
 
 EXPERIMENTS = {
     "lumps": lumps.main,
     "difficulty": difficulty.main,
+    "real": real.main,
     "paper1": paper1.main,
     "paper2": paper2.main,
     "background": paper3_background.main,
@@ -38,8 +40,8 @@ EXPERIMENTS = {
 
 if __name__ == "__main__":
     chosen, options = sys.argv[1:] or list(EXPERIMENTS), []
-    if chosen[0] == "difficulty":
-        chosen, options = ["difficulty"], chosen[1:]
+    if chosen[0] in ("difficulty", "real"):
+        chosen, options = chosen[:1], chosen[1:]
     if unknown := set(chosen) - set(EXPERIMENTS):
         sys.exit(f"unknown experiment {', '.join(sorted(unknown))}; there are {', '.join(EXPERIMENTS)}")
     for experiment in chosen:
