@@ -13,7 +13,7 @@ import pytest
 
 from lumpwatch.models.jdt.row_profile import default_profile
 from lumpwatch.models.roi import make_roi
-from lumpwatch.service.offline.backtest.curve import Judged, Point
+from lumpwatch.service.offline.backtest.curve import Point, VideoRecord
 from tests.offline.test_backtest import LUMP, existence, recording, track, truth
 from tests.reproduction import difficulty, matrix
 from tests.reproduction.difficulty import page, plots
@@ -38,7 +38,7 @@ from tests.reproduction.difficulty.work import Task, learn, load, missing, prior
 def test_a_cell_counts_lumps_found_in_time_and_alarms_without_a_lump() -> None:
     """Raised at 3.2 s, the fall at 5.0 s: 1.8 s of warning. Above again at 8.0 s, with nobody there: false."""
     one = recording(existence((30, 50), (80, 90)), {range(30, 50): [LUMP]})
-    feed = Judged("feed", one, truth(one, track(20, 59, fall=50)))
+    feed = VideoRecord("feed", one, truth(one, track(20, 59, fall=50)))
     found = cell([feed, feed], OURS, 0.9)
     assert found.found == (True, True)
     assert found.warnings_s == pytest.approx((1.8, 1.8))
@@ -50,7 +50,7 @@ def test_a_cell_counts_lumps_found_in_time_and_alarms_without_a_lump() -> None:
 
 def test_a_lump_announced_too_late_is_not_found() -> None:
     one = recording(existence((40, 50)), {range(40, 50): [LUMP]})
-    feed = Judged("feed", one, truth(one, track(20, 59, fall=50)))
+    feed = VideoRecord("feed", one, truth(one, track(20, 59, fall=50)))
     found = cell([feed], OURS, 0.9)
     assert found.found == (False,)
     assert found.warnings_s == pytest.approx((0.8,))

@@ -48,7 +48,7 @@ def said(length: int, alarms: range, labels: dict[int, list[tuple[int, NDArray[n
     ]
 
 
-def verdict(shown: list[Said], labels: dict, unclear: dict | None = None) -> Verdict:
+def verdict(shown: list[Said], labels: Labels, unclear: Labels | None = None) -> Verdict:
     return judge(shown, labels, unclear or {}, POLYGON, SIZE, FPS)
 
 

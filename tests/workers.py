@@ -11,7 +11,7 @@ from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from lumpwatch.service.telemetry.worker_link import WorkerLink
+from lumpwatch.service.telemetry.daemon_connection import DaemonConnection
 
 
 def _metrics(registry: CollectorRegistry) -> None:
@@ -23,24 +23,24 @@ def _metrics(registry: CollectorRegistry) -> None:
 def good(connection: Connection) -> None:
     """Works until it is told to stop, and reports what it has done since."""
     registry = CollectorRegistry()
-    link = WorkerLink(connection, registry)
+    daemon = DaemonConnection(connection, registry)
     _metrics(registry)
-    link.state = "running"
-    link.decided["apron"] = time.monotonic()
-    while not link.wait(0.05):
+    daemon.state = "running"
+    daemon.decided["apron"] = time.monotonic()
+    while not daemon.wait(0.05):
         pass
     Counter("stopped", "Ends.", registry=registry).inc()
-    link.state = "stopped"
-    link.close()
+    daemon.state = "stopped"
+    daemon.close()
 
 
 def passing(connection: Connection) -> None:
     """Works for a moment and ends by itself."""
     registry = CollectorRegistry()
-    link = WorkerLink(connection, registry)
+    daemon = DaemonConnection(connection, registry)
     _metrics(registry)
-    link.wait(0.3)
-    link.close()
+    daemon.wait(0.3)
+    daemon.close()
 
 
 def failing(connection: Connection) -> None:
@@ -56,33 +56,33 @@ def hanging(once: str, connection: Connection) -> None:
         return
     path.touch()
     registry = CollectorRegistry()
-    link = WorkerLink(connection, registry)
+    daemon = DaemonConnection(connection, registry)
     _metrics(registry)
-    link.state = "running"
-    link.beat()
+    daemon.state = "running"
+    daemon.beat()
     time.sleep(600)
 
 
 def compiling(connection: Connection) -> None:
     """Takes two seconds for its first work, without a beat."""
     registry = CollectorRegistry()
-    link = WorkerLink(connection, registry)
-    link.beat()
+    daemon = DaemonConnection(connection, registry)
+    daemon.beat()
     time.sleep(2.0)
-    link.state = "running"
-    while not link.wait(0.05):
+    daemon.state = "running"
+    while not daemon.wait(0.05):
         pass
-    link.close()
+    daemon.close()
 
 
 def deaf(connection: Connection) -> None:
     """Ignores every wish to stop."""
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    link = WorkerLink(connection, CollectorRegistry())
-    link._listen = lambda: None  # type: ignore[method-assign]
+    daemon = DaemonConnection(connection, CollectorRegistry())
+    daemon._listen = lambda: None  # type: ignore[method-assign]
     while True:
-        link.beat()
+        daemon.beat()
         time.sleep(0.05)
 
 
@@ -101,5 +101,5 @@ def broken_off(connection: Connection) -> None:
 
 def stubborn(connection: Connection) -> None:
     """Hears the wish to stop but its main loop does not turn: the link ends the process."""
-    WorkerLink(connection, CollectorRegistry())
+    DaemonConnection(connection, CollectorRegistry())
     time.sleep(600)

@@ -8,7 +8,7 @@ pictures decide nothing: `SlowMedian` is the median over seconds.
 
 from lumpwatch.models.picture.activity import Activity
 from lumpwatch.models.picture.measures import PictureMeasures, PictureMeter
-from lumpwatch.models.picture.medians import JumpWatch, SlowMedian
+from lumpwatch.models.picture.medians import JumpDetector, SlowMedian
 from lumpwatch.models.picture.pattern import Pattern
 from lumpwatch.models.picture.reference import Light, moving_mask, thumbnail
 from lumpwatch.models.picture.region import DEFAULTS, Measure, RegionReference, Sample, learn_region, values
@@ -17,7 +17,7 @@ from lumpwatch.models.picture.registration import Registration, Shift
 __all__ = [
     "DEFAULTS",
     "Activity",
-    "JumpWatch",
+    "JumpDetector",
     "Light",
     "Measure",
     "Pattern",

@@ -34,7 +34,7 @@ class SlowMedian:
         return median(abs(v - middle) for _, v in self._values)
 
 
-class JumpWatch:
+class JumpDetector:
     """Says when the mean level of a picture jumps, as it does when a camera changes its exposure."""
 
     def __init__(self, factor: float, within_s: float = 0.5) -> None:

@@ -77,7 +77,7 @@ class Bus:
         return self._closed
 
     @property
-    def linked(self) -> bool:
+    def connected(self) -> bool:
         """Whether this client reaches a hub now; one that froze counts as reached for some 10 s."""
         return not self._closed and bool(self._session.info.routers_zid())
 

@@ -63,7 +63,7 @@ def open_client(config: BusConfig, stop: threading.Event | None = None, *, wait:
         raise BusError(f"bus: cannot connect to {without[0]}: the hub must be given by its real port")
     stop = stop or threading.Event()
     attempt_s = min(_FIRST_ATTEMPT_S, config.connect_timeout_s) if wait else config.connect_timeout_s
-    tried_s, told = 0.0, False
+    tried_s, logged = 0.0, False
     while not stop.is_set():
         try:
             session = zenoh.open(_settings(config, "client", connect=endpoints, timeout_s=attempt_s))
@@ -72,9 +72,9 @@ def open_client(config: BusConfig, stop: threading.Event | None = None, *, wait:
             if not wait:
                 raise BusError(problem) from error
             tried_s += attempt_s + _PAUSE_S
-            if tried_s >= config.connect_timeout_s and not told:
+            if tried_s >= config.connect_timeout_s and not logged:
                 _log.warning("%s; trying on", problem)
-                told = True
+                logged = True
             # Attempts grow: a far hub may need longer for one, a stop is noticed soon at first.
             attempt_s = min(2 * attempt_s, _LONGEST_ATTEMPT_S)
             stop.wait(_PAUSE_S)

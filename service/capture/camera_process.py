@@ -19,7 +19,7 @@ from lumpwatch.service.capture.sources.make import make_source
 from lumpwatch.service.capture.sources.reconnect import Reconnecting
 from lumpwatch.service.config import CameraConfig, SiteConfig
 from lumpwatch.service.core import Frame, log_to_stderr, reduced_frame
-from lumpwatch.service.telemetry import CameraMetrics, WorkerLink
+from lumpwatch.service.telemetry import CameraMetrics, DaemonConnection
 
 log = logging.getLogger(__name__)
 
@@ -28,12 +28,12 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
     """Read frames and publish them until told to stop; the entry point of the process."""
     log_to_stderr()
     registry = CollectorRegistry()
-    link = WorkerLink(connection, registry)
+    daemon = DaemonConnection(connection, registry)
     camera = config.camera(camera_id)
     metrics = CameraMetrics(registry, camera_id)
     keys = Keys(config.site)
     try:
-        with open_client(config.bus, link.stop) as bus:
+        with open_client(config.bus, daemon.stop) as bus:
             publisher = bus.frame_publisher(
                 keys.frame(camera_id), keys.jpeg(camera_id), camera.wire.jpeg_quality
             )
@@ -47,38 +47,38 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
                     camera_id,
                     "i420" if camera.needs_colour else "gray8",
                     count=metrics.dropped,
-                    sleep=link.wait,
+                    sleep=daemon.wait,
                 ),
                 camera.source.backoff,
-                link.stop,
-                _Watcher(metrics, link),
+                daemon.stop,
+                _ConnectionReporter(metrics, daemon),
                 np.random.default_rng(),  # jitter only: nothing that must be repeatable
-                link.wait,
+                daemon.wait,
             )
-            link.state = "connecting"
+            daemon.state = "connecting"
             reduce = Reducer(camera)
-            while (frame := _read(source, link, metrics)) is not None:
+            while (frame := _read(source, daemon, metrics)) is not None:
                 started = time.perf_counter()
                 whole = frame if publisher.picture_wanted else None
                 publisher.publish(reduce(frame), camera.wire.encoding, whole)
                 metrics.stage("publish", "", time.perf_counter() - started)
                 if (with_lump := blender.frame(frame)) is not None:
                     tests.publish(reduce(with_lump), camera.wire.encoding)
-            if not link.stop.is_set():
+            if not daemon.stop.is_set():
                 log.warning("camera %s: %s has ended", camera_id, camera.source.redacted)
                 metrics.failed(Fault.ENDED)
-                link.state = "ended"
-                while not link.wait(60.0):
+                daemon.state = "ended"
+                while not daemon.wait(60.0):
                     pass
             source.close()
     except BusClosed:
         pass  # told to stop before the hub was there
     finally:
-        link.close()
+        daemon.close()
 
 
-def _read(source: Reconnecting, link: WorkerLink, metrics: CameraMetrics) -> Frame | None:
-    link.beat()
+def _read(source: Reconnecting, daemon: DaemonConnection, metrics: CameraMetrics) -> Frame | None:
+    daemon.beat()
     frame = source.read()
     if frame is not None:
         metrics.received(frame.wall_s)
@@ -125,23 +125,23 @@ class Reducer:
         return last[1]
 
 
-class _Watcher:
+class _ConnectionReporter:
     """What happens to the connection, for metrics and the daemon."""
 
-    def __init__(self, metrics: CameraMetrics, link: WorkerLink) -> None:
+    def __init__(self, metrics: CameraMetrics, daemon: DaemonConnection) -> None:
         self._metrics = metrics
-        self._link = link
+        self._daemon = daemon
 
     def attempt(self) -> None:
         self._metrics.attempt()
-        self._link.state = "connecting"
+        self._daemon.state = "connecting"
 
     def connected(self) -> None:
         self._metrics.connected()
-        self._link.state = "running"
+        self._daemon.state = "running"
 
     def failed(self, fault: Fault) -> None:
         self._metrics.failed(fault)
-        self._link.state = "waiting"
+        self._daemon.state = "waiting"
 
     dropped = failed

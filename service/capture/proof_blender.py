@@ -42,7 +42,7 @@ class _Run:
         """The frame with the lump; None when the test is over."""
         if self._began_s is None:
             self._began_s = frame.capture_s
-            self._look(frame)
+            self._learn_background(frame)
         t_s = frame.capture_s - self._began_s
         if t_s > self.plan.lasts_s:
             return None
@@ -60,7 +60,7 @@ class _Run:
         self._render.blend(luma, self._sprite, box, self._around, self._noise, self._rng)
         return replace(frame, data=data)
 
-    def _look(self, frame: Frame) -> None:
+    def _learn_background(self, frame: Frame) -> None:
         size = np.array([frame.width, frame.height])
         low, high = (
             (self._polygon.min(0) * size).astype(int),

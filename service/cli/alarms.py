@@ -51,8 +51,8 @@ def alarms(arguments: argparse.Namespace) -> int:
     with open_client(as_client(config.bus), stop, wait=False) as bus:
         if arguments.ack:
             camera, _, roi = arguments.ack.partition("/")
-            told = ask_one(bus, keys.command(camera, roi, "ack"), {"actor": arguments.actor}, arguments.ack)
-            _print(told.decode())
+            answer = ask_one(bus, keys.command(camera, roi, "ack"), {"actor": arguments.actor}, arguments.ack)
+            _print(answer.decode())
             return 0
         done = threading.Event()
         seen = 0

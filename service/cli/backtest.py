@@ -250,7 +250,7 @@ def _words(result: Result, found: Backtest) -> list[str]:
     by_fall = sum(lump.lip_from == "fall label" for lump in counted)
     outside = sum(video.truth.outside for video in result.judged)
     lost = sum(video.recording.length - len(video.recording.frames) for video in result.judged)
-    told = [
+    lines = [
         f"{found.hours:.2f} hours of footage, {last.quiet_h:.2f} of them without a lump. In brackets: 95 % "
         f"intervals. Announced: at least {found.terms.least_warning_s:g} s before the lip. Warning: median | "
         "worst tenth, 0 for a lump without any.",
@@ -258,22 +258,22 @@ def _words(result: Result, found: Backtest) -> list[str]:
         f"counted: {len(lumps) - len(counted)} lumps cut off by the video, {outside} labelled outside the ROI.",
     ]
     if advice.point is None:
-        told.append(f"No threshold keeps to {wanted:g} false alarms an hour.")
+        lines.append(f"No threshold keeps to {wanted:g} false alarms an hour.")
     else:
-        told.append(
+        lines.append(
             f"Recommended for at most {wanted:g} false alarms an hour: raise_above {advice.point.raise_above:g}, "
             f"clear_below {advice.point.clear_below:.3g}. It announces {advice.point.announced} of "
             f"{last.lumps} lumps; the most at any threshold is {advice.most_announced}. An alarm stands for "
             f"{advice.point.standing_share:.2%} of the time without a lump."
         )
     if advice.point is not None and advice.below_per_hour > wanted:
-        told.append(
+        lines.append(
             f"The footage is too short to show that rate: {advice.point.false_alarms} false alarms in "
             f"{last.quiet_h:.2f} hours only prove fewer than {_rate(advice.below_per_hour)} an hour (95 % sure); "
             f"{wanted:g} takes {advice.needed_h:.0f} hours without any."
         )
     if result.refused:
-        told.append(f"The prior did not fit {result.refused} videos: they ran on the stated defaults.")
+        lines.append(f"The prior did not fit {result.refused} videos: they ran on the stated defaults.")
     if lost:
-        told.append(f"{lost} frames could not be judged.")
-    return told
+        lines.append(f"{lost} frames could not be judged.")
+    return lines

@@ -134,16 +134,21 @@ class _Follower:
             self._tell(bus)
 
     def _tell(self, bus: Bus) -> None:
-        told, frames = time.monotonic(), 0
+        printed_s, frames = time.monotonic(), 0
         while not self._stop.wait(0.2):
             now = time.monotonic()
-            if self._frames and self._began < told and self._seconds and now - self._began > self._seconds:
+            if (
+                self._frames
+                and self._began < printed_s
+                and self._seconds
+                and now - self._began > self._seconds
+            ):
                 self._stop.set()
             if self._seconds and now - self._began > self._seconds + 120:
                 self._stop.set()
-            if now - told >= _EVERY_S and self._last is not None:
-                rate = (self._frames - frames) / (now - told)
-                told, frames = now, self._frames
+            if now - printed_s >= _EVERY_S and self._last is not None:
+                rate = (self._frames - frames) / (now - printed_s)
+                printed_s, frames = now, self._frames
                 self._console.print(_line(self._last, rate), markup=False, soft_wrap=True)
 
     def _on_state(self, key: str, payload: bytes) -> None:

@@ -116,9 +116,9 @@ def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
             _say(json.dumps(item))
         return 0
     table = Table("id", "alarm", "time (UTC)", "frames", "s", "MiB", "verdict", box=None, padding=(0, 1))
-    for told in found:
+    for item in found:
         try:
-            meta = EvidenceMeta.model_validate(told)
+            meta = EvidenceMeta.model_validate(item)
         except ValidationError:
             continue  # of a later version
         table.add_row(
@@ -128,7 +128,7 @@ def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
             str(meta.frames),
             f"{meta.pre_roll_s:.1f} + {meta.post_roll_s:.1f}",
             f"{meta.size / (1 << 20):.1f}",
-            told.get("verdict") or "",
+            item.get("verdict") or "",
         )
     Console(highlight=False, width=None if sys.stdout.isatty() else _WIDE).print(table)
     return 0

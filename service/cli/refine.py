@@ -13,7 +13,7 @@ from lumpwatch.service.cli.common import Commands, add_command, camera_of, progr
 from lumpwatch.service.config import RoiConfig, SiteConfig, load_config
 from lumpwatch.service.offline import archive, boxes_of
 from lumpwatch.service.storage import FootageArchive, Prior, PriorStore, StoreError
-from lumpwatch.service.training import missing_sources, recorded_clip, refine, sources_text, take
+from lumpwatch.service.training import accept, missing_sources, recorded_clip, refine, sources_text
 
 _MEGABYTE = 1_000_000
 
@@ -74,7 +74,7 @@ def refine_command(arguments: argparse.Namespace) -> int:
             keep_footage(footage, clip.video, clip.labels)
 
     prior = trained.as_prior(camera.id, roi, sources_text(names), datetime.now(UTC))
-    stored = take(store, prior, tell, shadow=True).prior
+    stored = accept(store, prior, tell, shadow=True).prior
     print(  # noqa: T201
         f"{camera.id}/{roi.id}: version {stored.version} runs in shadow, learned from {len(clips)} clips with "
         f"{stored.learned.tracks} objects; promote or drop it with lumpwatch priors"

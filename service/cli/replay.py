@@ -18,10 +18,10 @@ from lumpwatch.service.detection import CameraPipeline
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.evidence import read_evidence
 from lumpwatch.service.offline import (
+    FrameListener,
     ReplayError,
     ReplayShadow,
     Summary,
-    Watcher,
     load_camera,
     replay_evidence,
     run_replay,
@@ -92,13 +92,13 @@ def replay(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     with ExitStack() as stack:
         advance = stack.enter_context(progress("replay", length))
-        watchers: list[Watcher] = [lambda frame, results, pipeline: advance(frame.seq + 1)]
+        listeners: list[FrameListener] = [lambda frame, results, pipeline: advance(frame.seq + 1)]
         shadow = None
         if arguments.shadow is not None:
             shadow = ReplayShadow(camera, store, arguments.shadow)
-            watchers.append(shadow.watch)
-        curves = _plot(arguments, watchers)
-        _overlay(arguments, camera, stack, watchers)
+            listeners.append(shadow.watch)
+        curves = _plot(arguments, listeners)
+        _overlay(arguments, camera, stack, listeners)
         summary = run_replay(
             config.site,
             camera,
@@ -106,7 +106,7 @@ def replay(arguments: argparse.Namespace) -> int:
             frames,
             arguments.video.name,
             arguments.out,
-            watchers=watchers,
+            listeners=listeners,
             reference=reference,
         )
     if curves is not None:
@@ -126,10 +126,10 @@ def _evidence(arguments: argparse.Namespace) -> int:
     found = read_evidence(arguments.evidence)
     started = time.perf_counter()
     with ExitStack() as stack:
-        watchers: list[Watcher] = []
-        curves = _plot(arguments, watchers)
-        _overlay(arguments, load_camera(found), stack, watchers)
-        compared = replay_evidence(found, arguments.out, tuple(watchers))
+        listeners: list[FrameListener] = []
+        curves = _plot(arguments, listeners)
+        _overlay(arguments, load_camera(found), stack, listeners)
+        compared = replay_evidence(found, arguments.out, tuple(listeners))
     if curves is not None:
         curves.save(arguments.out / "existence.png")
     _print(compared.summary, arguments.out, time.perf_counter() - started)
@@ -143,7 +143,7 @@ def _evidence(arguments: argparse.Namespace) -> int:
     )
 
 
-def _plot(arguments: argparse.Namespace, watchers: list[Watcher]):  # type: ignore[no-untyped-def]
+def _plot(arguments: argparse.Namespace, listeners: list[FrameListener]):  # type: ignore[no-untyped-def]
     if not arguments.plot:
         return None
     from lumpwatch.service.offline import ExistenceCurves
@@ -153,12 +153,12 @@ def _plot(arguments: argparse.Namespace, watchers: list[Watcher]):  # type: igno
     def watch(frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline) -> None:
         curves.add(frame.capture_s, results)
 
-    watchers.append(watch)
+    listeners.append(watch)
     return curves
 
 
 def _overlay(
-    arguments: argparse.Namespace, camera: CameraConfig, stack: ExitStack, watchers: list[Watcher]
+    arguments: argparse.Namespace, camera: CameraConfig, stack: ExitStack, listeners: list[FrameListener]
 ) -> None:
     if not arguments.overlay:
         return
@@ -169,7 +169,7 @@ def _overlay(
     except OSError as error:
         raise ReplayError(f"{arguments.out}: cannot be written ({error.strerror})") from error
     overlay = stack.enter_context(OverlayVideo(arguments.out / "overlay.mp4", camera))
-    watchers.append(overlay.write)
+    listeners.append(overlay.write)
 
 
 def _print(summary: Summary, out: Path, seconds: float) -> None:

@@ -25,6 +25,7 @@ from lumpwatch.service.training import (
     Material,
     Trained,
     Validation,
+    accept,
     accept_proposals,
     clips_of,
     coverage_warnings,
@@ -33,7 +34,6 @@ from lumpwatch.service.training import (
     learn,
     objection_to,
     parse_ids,
-    take,
     tempered,
     to_text,
     training_report,
@@ -186,7 +186,7 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     with progress("tempering", TRIALS) as advance:
         trained = tempered(roi, material.footage, trained, advance)
     store = PriorStore(config.store.path, config.store.keep_priors)
-    taken = take(
+    acceptance = accept(
         store,
         trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)),
         lambda stored: _judge(arguments, store, roi, material, trained, stored),
@@ -195,12 +195,12 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     )
     for clip in clips:
         keep_footage(archive_of(config, camera.id, roi), clip.video, clip.labels)
-    if taken.objection is None:
+    if acceptance.objection is None:
         return 0
     sys.stderr.write(
-        f"lumpwatch: version {taken.prior.version} is stored and not in use: {taken.objection}; look at the "
+        f"lumpwatch: version {acceptance.prior.version} is stored and not in use: {acceptance.objection}; look at the "
         "report, then label more lumps, or train with --use-anyway, or try it with lumpwatch priors shadow "
-        f"--version {taken.prior.version}\n"
+        f"--version {acceptance.prior.version}\n"
     )
     return 1
 

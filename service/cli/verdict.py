@@ -11,7 +11,7 @@ from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_o
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmRequestError
 from lumpwatch.service.errors import ConfigError
-from lumpwatch.service.protocol import Says, VerdictReply, VerdictRequest, read_request
+from lumpwatch.service.protocol import VerdictOutcome, VerdictReply, VerdictRequest, read_request
 
 
 def add(commands: Commands) -> None:
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
-        "verdict", choices=tuple(verdict.value for verdict in Says), help="what the alarm was"
+        "verdict", choices=tuple(verdict.value for verdict in VerdictOutcome), help="what the alarm was"
     )
     parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
     parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
@@ -53,7 +53,7 @@ def verdict(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"verdict: {error}") from error
     target, key = f"{camera.id}/{roi.id}", Keys(config.site).command(camera.id, roi.id, "verdict")
     with open_client(as_client(config.bus), wait=False) as bus:
-        told = VerdictReply.model_validate_json(ask_one(bus, key, asked, target))
-    later = "" if told.written else " (the disk is in trouble: it is written when the disk takes it again)"
-    print(f"{target} alarm {told.sequence}: {told.verdict}{later}")  # noqa: T201
+        reply = VerdictReply.model_validate_json(ask_one(bus, key, asked, target))
+    later = "" if reply.written else " (the disk is in trouble: it is written when the disk takes it again)"
+    print(f"{target} alarm {reply.sequence}: {reply.verdict}{later}")  # noqa: T201
     return 0

@@ -1,8 +1,8 @@
 """Values and pure rules: a frame, what is seen in it, what is decided, and the alarm as a state machine."""
 
 from lumpwatch.service.core.alarm import (
-    Act,
     Alarm,
+    AlarmAction,
     AlarmClass,
     AlarmRequestError,
     AlarmState,
@@ -36,7 +36,7 @@ from lumpwatch.service.core.crop import (
     working_colour,
     working_luma,
 )
-from lumpwatch.service.core.debounce import Holds, Times
+from lumpwatch.service.core.debounce import DebounceTimes, ReasonDebouncer
 from lumpwatch.service.core.decision import (
     AlarmChange,
     BlindReason,
@@ -56,8 +56,8 @@ from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
 __all__ = [
     "COLOURS",
     "LEVEL",
-    "Act",
     "Alarm",
+    "AlarmAction",
     "AlarmChange",
     "AlarmClass",
     "AlarmRequestError",
@@ -66,22 +66,22 @@ __all__ = [
     "Change",
     "Changed",
     "Clocks",
+    "DebounceTimes",
     "Decision",
     "DetectedObject",
     "Detection",
     "Encoding",
     "Frame",
     "Hold",
-    "Holds",
     "LipReason",
     "LumpSize",
     "MediaClock",
     "PictureQuality",
     "Priority",
+    "ReasonDebouncer",
     "RoiResult",
     "Rules",
     "StreamClock",
-    "Times",
     "Transition",
     "Trouble",
     "VideoWriter",

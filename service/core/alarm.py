@@ -191,7 +191,7 @@ MOST_SIGNALS = 16
 
 Changed = tuple[Alarm, tuple[Transition, ...]]
 
-Act = Callable[[Alarm, Rules, float], Changed]
+AlarmAction = Callable[[Alarm, Rules, float], Changed]
 """What an operator or the plant does to an alarm at a time."""
 
 
@@ -217,10 +217,10 @@ def step_alarm(
         after = replace(
             alarm, active=False, waits=waits, latched=latched, since_s=None, announced_s=None, actor=None
         )
-        return after, _told(Change.INACTIVE if alarm.held else Change.CLEARED, alarm, after, time_s)
+        return after, _transition(Change.INACTIVE if alarm.held else Change.CLEARED, alarm, after, time_s)
     if alarm.held:
         after = replace(alarm, active=True, since_s=None)
-        return after, _told(Change.ACTIVE, alarm, after, time_s)
+        return after, _transition(Change.ACTIVE, alarm, after, time_s)
     return _raised(alarm, time_s)
 
 
@@ -241,7 +241,7 @@ def tick_alarm(alarm: Alarm, config: Rules, time_s: float) -> Changed:
         and time_s - waiting_since >= config.re_alarm_s - 1e-6
     ):
         again = replace(alarm, announced_s=time_s)
-        return again, (*made, _told(Change.RE_ALARMED, alarm, again, time_s))
+        return again, (*made, _transition(Change.RE_ALARMED, alarm, again, time_s))
     return alarm, made
 
 
@@ -250,7 +250,7 @@ def announce_again(alarm: Alarm, time_s: float) -> tuple[Alarm, Transition | Non
     if not alarm.active or alarm.held:
         return alarm, None
     after = replace(alarm, waits=True, announced_s=time_s, actor=None)
-    return after, _told(Change.RE_ALARMED, alarm, after, time_s)
+    return after, _transition(Change.RE_ALARMED, alarm, after, time_s)
 
 
 def acknowledge(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transition | None]:
@@ -258,7 +258,7 @@ def acknowledge(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transit
     if not alarm.waits:
         return alarm, None
     after = replace(alarm, waits=False, announced_s=None, actor=actor)
-    return after, _told(Change.ACKNOWLEDGED, alarm, after, time_s, actor)
+    return after, _transition(Change.ACKNOWLEDGED, alarm, after, time_s, actor)
 
 
 def reset(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transition | None]:
@@ -266,7 +266,7 @@ def reset(alarm: Alarm, actor: str, time_s: float) -> tuple[Alarm, Transition | 
     if alarm.active or alarm.waits or not alarm.latched:
         return alarm, None
     after = replace(alarm, latched=False)
-    return after, _told(Change.RESET, alarm, after, time_s, actor)
+    return after, _transition(Change.RESET, alarm, after, time_s, actor)
 
 
 def shelve(
@@ -275,7 +275,7 @@ def shelve(
     """Not announced for `for_s`; anew where it is shelved already. Raises AlarmRequestError."""
     _check_span("for_s", for_s, config.shelve_max_s)
     after = replace(alarm, shelved=Hold(actor, reason, time_s + for_s))
-    return after, _told(Change.SHELVED, alarm, after, time_s, actor, reason)
+    return after, _transition(Change.SHELVED, alarm, after, time_s, actor, reason)
 
 
 def unshelve(alarm: Alarm, time_s: float, actor: str) -> Changed:
@@ -299,7 +299,7 @@ def suppress(
     after = replace(alarm, suppressed=(*others, Hold(f"signal {signal}", signal, time_s + valid_s)))
     if len(others) < len(alarm.suppressed):
         return after, None
-    return after, _told(Change.SUPPRESSED, alarm, after, time_s, f"signal {signal}", signal)
+    return after, _transition(Change.SUPPRESSED, alarm, after, time_s, f"signal {signal}", signal)
 
 
 def unsuppress(alarm: Alarm, time_s: float, signal: str) -> Changed:
@@ -313,7 +313,7 @@ def unsuppress(alarm: Alarm, time_s: float, signal: str) -> Changed:
 def take_out(alarm: Alarm, time_s: float, actor: str, reason: str) -> tuple[Alarm, Transition]:
     """Out of service until put back."""
     after = replace(alarm, out_of_service=Hold(actor, reason))
-    return after, _told(Change.TAKEN_OUT, alarm, after, time_s, actor, reason)
+    return after, _transition(Change.TAKEN_OUT, alarm, after, time_s, actor, reason)
 
 
 def put_back(alarm: Alarm, time_s: float, actor: str) -> Changed:
@@ -337,22 +337,22 @@ def _release(
 ) -> Changed:
     """A hold has ended: `freed` is the alarm without it."""
     if freed.held or not freed.active:
-        return freed, (_told(change, alarm, freed, time_s, actor, reason),)
+        return freed, (_transition(change, alarm, freed, time_s, actor, reason),)
     # Told as two changes, so that whoever follows the alarm sees an ordinary `raised`.
     quiet = replace(freed, active=False, latched=False)
     raised, announced = _raised(freed, time_s, quiet)
     raised = replace(raised, since_s=freed.since_s)  # an off-delay that runs goes on
-    return raised, (_told(change, alarm, quiet, time_s, actor, reason), announced)
+    return raised, (_transition(change, alarm, quiet, time_s, actor, reason), announced)
 
 
 def _raised(alarm: Alarm, time_s: float, before: Alarm | None = None) -> tuple[Alarm, Transition]:
     after = replace(
         alarm, active=True, waits=True, latched=True, since_s=None, announced_s=time_s, actor=None
     )
-    return after, _told(Change.RAISED, before or alarm, after, time_s)
+    return after, _transition(Change.RAISED, before or alarm, after, time_s)
 
 
-def _told(
+def _transition(
     change: Change,
     before: Alarm,
     after: Alarm,

@@ -16,7 +16,7 @@ _ROUNDING_S = 1e-6  # times are multiples of a frame interval
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class DebounceTimes:
     """How long a finding must last to count, and its absence to end it."""
 
     entry_s: float
@@ -24,19 +24,19 @@ class Times:
 
 
 @dataclass(slots=True)
-class _Hold:
+class _Check:
     since_s: float | None = None
     """Since when the finding contradicts `active`."""
     active: bool = False
 
 
-class Holds:
+class ReasonDebouncer:
     """The reasons for which one ROI is BLIND."""
 
-    def __init__(self, times: Mapping[BlindReason, Times]) -> None:
+    def __init__(self, times: Mapping[BlindReason, DebounceTimes]) -> None:
         """Reasons without times are not looked at."""
         self._times = dict(times)
-        self._holds = {reason: _Hold() for reason in times}
+        self._checks = {reason: _Check() for reason in times}
         self._unfit_since_s: float | None = None
         self.limit_s = max((limits.entry_s for limits in times.values()), default=0.0)
         """After so long with anything found the ROI is BLIND."""
@@ -49,25 +49,25 @@ class Holds:
     @property
     def reason(self) -> BlindReason | None:
         """The first of the reasons that hold, in the order of `BlindReason`."""
-        active = [reason for reason, hold in self._holds.items() if hold.active]
+        active = [reason for reason, check in self._checks.items() if check.active]
         return min(active, key=_ORDER.__getitem__, default=None)
 
     def step(self, time_s: float, found: Collection[BlindReason]) -> BlindReason | None:
         """What holds after the checks have found these at `time_s`; times never fall."""
-        known = [reason for reason in found if reason in self._holds]
-        if not known:
+        relevant = [reason for reason in found if reason in self._checks]
+        if not relevant:
             self._unfit_since_s = None
         elif self._unfit_since_s is None:
             self._unfit_since_s = time_s
         unfit_s = 0.0 if self._unfit_since_s is None else time_s - self._unfit_since_s
-        for reason, hold in self._holds.items():
-            if (reason in known) is hold.active:
-                hold.since_s = None
+        for reason, check in self._checks.items():
+            if (reason in relevant) is check.active:
+                check.since_s = None
                 continue
-            hold.since_s = time_s if hold.since_s is None else hold.since_s
+            check.since_s = time_s if check.since_s is None else check.since_s
             times = self._times[reason]
-            lasted, needed = time_s - hold.since_s, times.exit_s if hold.active else times.entry_s
-            over_all = not hold.active and unfit_s >= self.limit_s - _ROUNDING_S
+            lasted, needed = time_s - check.since_s, times.exit_s if check.active else times.entry_s
+            over_all = not check.active and unfit_s >= self.limit_s - _ROUNDING_S
             if lasted >= needed - _ROUNDING_S or over_all:
-                hold.active, hold.since_s = not hold.active, None
+                check.active, check.since_s = not check.active, None
         return self.reason

@@ -18,7 +18,7 @@ from lumpwatch.service.deployment.plan import Found, cause
 
 _LABEL = "io.lumpwatch."
 _STOP_S = 15
-_SAID = 400
+_LONGEST_OUTPUT = 400
 """How much of an engine's words is repeated."""
 _LOG = {"type": "json-file", "config": {"max-size": "10m", "max-file": "3"}}
 
@@ -79,8 +79,8 @@ class DockerEngine:
         except docker.errors.BuildError as error:
             said = [str(line["stream"]).strip() for line in error.build_log if line.get("stream")]
             # The end of it has the cause; the error itself only repeats the whole instruction.
-            told = " ".join(" ".join(said[-3:] or [str(error)]).split())
-            raise DeployError(f"{folder}: build failed: {told[-_SAID:]}") from error
+            tail = " ".join(" ".join(said[-3:] or [str(error)]).split())
+            raise DeployError(f"{folder}: build failed: {tail[-_LONGEST_OUTPUT:]}") from error
         except (docker.errors.DockerException, requests.RequestException, TypeError) as error:
             raise DeployError(f"{folder}: cannot be built ({_reason(error)})") from error
         return str(image.id)
@@ -110,7 +110,7 @@ class DockerEngine:
             bundle.config_volume: {"bind": str(HOME), "mode": "rw"},
             bundle.store_volume: {"bind": str(bundle.store), "mode": "rw"},
         }
-        with _told(f"volumes of {bundle.name}"):
+        with _docker_errors(f"volumes of {bundle.name}"):
             # Never started: volumes can be filled through a container only.
             helper = self._client.containers.create(image, ["--version"], volumes=volumes)
             try:
@@ -121,7 +121,7 @@ class DockerEngine:
 
     def complaint(self, image: str, bundle: Bundle) -> str | None:
         """See `rollout.Engine`."""
-        with _told("lumpwatch check in the image"):
+        with _docker_errors("lumpwatch check in the image"):
             options = _options(bundle) | {"network_mode": "none", "restart_policy": None, "ports": None}
             container = self._client.containers.create(image, ["check", str(CONFIG)], **options)
             try:
@@ -135,7 +135,7 @@ class DockerEngine:
     def create(self, name: str, image: str, bundle: Bundle) -> None:
         """See `rollout.Engine`."""
         labels = {"site": bundle.site, "digest": bundle.digest, "config": bundle.config_volume}
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             self._client.containers.create(
                 image,
                 ["run", str(CONFIG)],
@@ -146,17 +146,17 @@ class DockerEngine:
 
     def start(self, name: str) -> None:
         """See `rollout.Engine`."""
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             self._client.containers.get(name).start()
 
     def stop(self, name: str) -> None:
         """See `rollout.Engine`."""
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             self._client.containers.get(name).stop(timeout=_STOP_S)
 
     def rename(self, name: str, new: str) -> None:
         """See `rollout.Engine`."""
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             self._client.containers.get(name).rename(new)
 
     def remove(self, name: str) -> None:
@@ -164,7 +164,7 @@ class DockerEngine:
         found = self.found(name)
         if found is None:
             return
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             self._client.containers.get(name).remove(v=True, force=True)
         if found.config_volume:
             try:
@@ -185,13 +185,13 @@ class DockerEngine:
 
     def logs(self, name: str, tail: int) -> list[str]:
         """See `rollout.Engine`."""
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             text = self._client.containers.get(name).logs(tail=tail)
         return text.decode(errors="replace").splitlines()
 
     def follow(self, name: str, tail: int) -> Iterator[bytes]:
         """The log as it is written."""
-        with _told(f"container {name}"):
+        with _docker_errors(f"container {name}"):
             yield from self._client.containers.get(name).logs(stream=True, follow=True, tail=tail)
 
 
@@ -227,7 +227,7 @@ def _name_and_tag(reference: str) -> tuple[str, str | None]:
 
 
 @contextmanager
-def _told(what: str) -> Iterator[None]:
+def _docker_errors(what: str) -> Iterator[None]:
     """The SDK's errors as one line about `what`."""
     try:
         yield
@@ -243,4 +243,4 @@ def _reason(error: Exception) -> str:
 
 
 def _one_line(lines: list[str]) -> str:
-    return " ".join(" ".join(lines).split())[:_SAID]
+    return " ".join(" ".join(lines).split())[:_LONGEST_OUTPUT]

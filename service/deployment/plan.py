@@ -72,5 +72,5 @@ def at_fault(problems: list[str]) -> frozenset[str]:
 
 def cause(lines: list[str]) -> str:
     """The last word of a daemon that ended: its one line of error, or else the end of its log."""
-    told = [line.removeprefix("lumpwatch: ") for line in lines if line.startswith("lumpwatch: ")]
-    return told[-1] if told else " ".join(" ".join(lines[-3:]).split())[:400] or "it says nothing"
+    messages = [line.removeprefix("lumpwatch: ") for line in lines if line.startswith("lumpwatch: ")]
+    return messages[-1] if messages else " ".join(" ".join(lines[-3:]).split())[:400] or "it says nothing"

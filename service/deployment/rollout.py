@@ -138,10 +138,10 @@ class Rollout:
             # Also where a person interrupts: nobody watches the feed until one of the two runs.
             if found is None:
                 raise
-            told = self._go_back(candidate, accepted, stopped)
+            outcome = self._go_back(candidate, accepted, stopped)
             if not isinstance(error, DeployError):
                 raise
-            raise DeployError(f"{error}; {told}") from error
+            raise DeployError(f"{error}; {outcome}") from error
         self._say(f"{self.current}: ready; {self._clock() - stopped:.1f} s without a decision")
 
     def _go_back(self, candidate: str, accepted: frozenset[str], stopped: float) -> str:

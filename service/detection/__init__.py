@@ -12,7 +12,7 @@ from lumpwatch.service.detection.region import make_region
 from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
 from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
-from lumpwatch.service.detection.sizing import Looks, make_plane
+from lumpwatch.service.detection.sizing import SizeTrack, make_plane
 from lumpwatch.service.detection.snapshot import Snapshot
 
 __all__ = [
@@ -23,11 +23,11 @@ __all__ = [
     "Detector",
     "FilterState",
     "JdtDetector",
-    "Looks",
     "MakeDetector",
     "RegionChannel",
     "RegionMisfitError",
     "Shadows",
+    "SizeTrack",
     "Snapshot",
     "Unobserved",
     "default_likelihood",

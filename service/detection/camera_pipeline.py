@@ -13,8 +13,8 @@ from functools import partial
 
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import (
-    Act,
     Alarm,
+    AlarmAction,
     AlarmChange,
     AlarmClass,
     BlindReason,
@@ -107,8 +107,8 @@ class CameraPipeline:
         """Raises RegionMisfitError, saying why, where no ROI fits the pictures."""
         why = {roi_id: region.unfit for roi_id, region in self._regions.items()}
         if all(why.values()):
-            told = "; ".join(f"roi {roi_id}: {reason}" for roi_id, reason in why.items())
-            raise RegionMisfitError(f"camera {self._config.id}, {told}")
+            reasons = "; ".join(f"roi {roi_id}: {reason}" for roi_id, reason in why.items())
+            raise RegionMisfitError(f"camera {self._config.id}, {reasons}")
 
     def process(self, frame: Frame, now_s: float) -> tuple[RoiResult, ...]:
         """Filter and decide every ROI on one frame; () for a frame that is not newer than the last.
@@ -126,7 +126,7 @@ class CameraPipeline:
         self.quality.picture(frame, now_s)
         return tuple(self._process_region(region, frame, now_s) for region in self._regions.values())
 
-    def look(self, now_s: float) -> tuple[RoiResult, ...]:
+    def poll(self, now_s: float) -> tuple[RoiResult, ...]:
         """The decision of every ROI without a new frame: BLIND once the last one is too old."""
         return tuple(self._result(region, (), now_s) for region in self._regions.values())
 
@@ -138,14 +138,14 @@ class CameraPipeline:
         self, roi_id: str, actor: str, now_s: float, alarm_class: AlarmClass = AlarmClass.LUMP
     ) -> RoiResult:
         """Acknowledge an alarm of a ROI; raises KeyError for one that does not exist."""
-        return self.act(
+        return self.apply(
             roi_id, alarm_class, lambda alarm, _, time_s: all_of(acknowledge(alarm, actor, time_s)), now_s
         )
 
-    def act(self, roi_id: str, alarm_class: AlarmClass, act: Act, now_s: float) -> RoiResult:
-        """Do something to an alarm; raises KeyError for a ROI that does not exist, and what `act` raises."""
+    def apply(self, roi_id: str, alarm_class: AlarmClass, action: AlarmAction, now_s: float) -> RoiResult:
+        """Do something to an alarm; raises KeyError for a ROI that does not exist, and what `action` raises."""
         region = self._regions[roi_id]
-        return self._result(region, region.alarms.act(alarm_class, act, now_s), now_s)
+        return self._result(region, region.alarms.apply(alarm_class, action, now_s), now_s)
 
     def snapshots(self) -> dict[str, Snapshot]:
         """Of every ROI, before the next frame."""
@@ -234,7 +234,7 @@ class CameraPipeline:
         if region.unfit is not None:
             return self._result(region, (), now_s)
         try:
-            made = region.channel.step(frame, now_s=now_s, may_learn=self._blind(region, now_s) is None)
+            transition = region.channel.step(frame, now_s=now_s, may_learn=self._blind(region, now_s) is None)
         except Exception:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
             log.exception("camera %s, roi %s: the filter failed", self._config.id, region.channel.config.id)
@@ -242,15 +242,15 @@ class CameraPipeline:
             region.channel.begin_anew()
             return self._result(region, (), now_s)
         region.failed = False
-        return self._result(region, region.alarms.stepped(made), now_s, decided=True)
+        return self._result(region, region.alarms.stepped(transition), now_s, decided=True)
 
     def _result(
         self, region: _Region, changes: tuple[AlarmChange, ...], now_s: float, *, decided: bool = False
     ) -> RoiResult:
         channel = region.channel
-        quality = self.quality.judged(channel.config.id)
+        quality = self.quality.current(channel.config.id)
         reason = self._blind(region, now_s) or quality.reason
-        changes += region.alarms.judge(_told(reason, region), now_s)
+        changes += region.alarms.tick(_reason_text(reason, region), now_s)
         clear_or_lump = Decision.LUMP if channel.alarm.active else Decision.CLEAR
         return RoiResult(
             roi=channel.config.id,
@@ -281,7 +281,7 @@ class CameraPipeline:
         return None
 
 
-def _told(reason: BlindReason | None, region: _Region) -> str | None:
+def _reason_text(reason: BlindReason | None, region: _Region) -> str | None:
     """The reason in the record of the alarm, with what is known besides."""
     if reason is BlindReason.UNFIT:
         return f"{reason.value}: {region.unfit}"

@@ -22,7 +22,7 @@ _SCATTER = 0.0125  # share of the width: estimates that scatter by more have fou
 _LEAST_ESTIMATES = 3
 
 
-class Mount:
+class CameraShift:
     """Registers a camera against the stills of its reference; without one it says nothing."""
 
     def __init__(self, camera: str, config: QualityConfig) -> None:
@@ -58,12 +58,12 @@ class Mount:
     def _begin(self, width: float) -> None:
         self._width = width
         self._x, self._y = SlowMedian(self._config.window_s), SlowMedian(self._config.window_s)
-        self._seen_s = float("-inf")
+        self._registered_s = float("-inf")
         self._off_since_s: float | None = None
 
-    def see(self, frame: Frame, light: int) -> None:
+    def observe(self, frame: Frame, light: int) -> None:
         """Register a frame where it is time to."""
-        if not self._registrations or frame.capture_s < self._seen_s + self._rate_s - 1e-3:
+        if not self._registrations or frame.capture_s < self._registered_s + self._rate_s - 1e-3:
             return
         thumb = frame.thumb
         if thumb is None:
@@ -73,10 +73,10 @@ class Mount:
         registration = self._registrations[min(light, len(self._registrations) - 1)]
         if thumb.shape != registration.shape:
             return
-        self._seen_s = frame.capture_s
-        self._take(registration, thumb, frame.capture_s)
+        self._registered_s = frame.capture_s
+        self._update(registration, thumb, frame.capture_s)
 
-    def _take(self, registration: Registration, thumb: Image, time_s: float) -> None:
+    def _update(self, registration: Registration, thumb: Image, time_s: float) -> None:
         found = registration.shift(thumb)
         scale = self._width / thumb.shape[1]
         x, y = self._x.add(time_s, found.x * scale), self._y.add(time_s, found.y * scale)

@@ -14,12 +14,19 @@ from statistics import median
 
 from lumpwatch.models.picture.activity import Activity
 from lumpwatch.models.picture.measures import PictureMeter
-from lumpwatch.models.picture.medians import JumpWatch, SlowMedian
+from lumpwatch.models.picture.medians import JumpDetector, SlowMedian
 from lumpwatch.models.picture.region import DEFAULTS, Measure, RegionReference, values
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.service.config import CheckConfig, QualityConfig
-from lumpwatch.service.core import BlindReason, Detection, Frame, Holds, PictureQuality, Times
-from lumpwatch.service.detection.camera_shift import Mount
+from lumpwatch.service.core import (
+    BlindReason,
+    DebounceTimes,
+    Detection,
+    Frame,
+    PictureQuality,
+    ReasonDebouncer,
+)
+from lumpwatch.service.detection.camera_shift import CameraShift
 from lumpwatch.service.storage import Reference
 
 _BRIGHTENED = 1.1  # a veil of dust is brighter than what it hides; a cover need not be
@@ -35,7 +42,7 @@ class CameraQuality:
         self._regions = {roi: _Region(config) for roi in rois}
         self._pace = _Pace()
         self._late = False
-        self.mount = Mount(camera, config)
+        self.shift = CameraShift(camera, config)
         """Where the camera looks."""
 
     def fit(self, rois: Mapping[str, Roi], width: int, height: int, reference: Reference | None) -> None:
@@ -49,7 +56,7 @@ class CameraQuality:
                 region.fit(rois[name], lights)
             else:
                 region.leave()
-        self.mount.fit(rois, width, height, reference)
+        self.shift.fit(rois, width, height, reference)
 
     def picture(self, frame: Frame, now_s: float) -> None:
         """The whole of a new frame, before its regions are looked at."""
@@ -59,21 +66,21 @@ class CameraQuality:
         self._pace.add(frame.seq, frame.capture_s, now_s - frame.received_s, overload.entry_s)
         self._late = self._pace.age_s > overload.longest_age_s or self._pace.share < overload.least_share
         light = next((region.light for region in self._regions.values() if region.measured), 0)
-        self.mount.see(frame, light)
+        self.shift.observe(frame, light)
 
     def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
         """Where a region lies now, and by how much it was moved."""
-        place, offset = self.mount.placed(roi, width, height)
+        place, offset = self.shift.placed(roi, width, height)
         self._regions[roi_id].offset_px = offset
         return place, offset
 
-    def look(self, roi: str, gray: Image, time_s: float) -> None:
+    def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """The working picture (h, w) of a region."""
         if self._config.enabled:
-            self._regions[roi].look(gray, time_s)
+            self._regions[roi].observe(gray, time_s)
 
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
-        """What the filter made of it; after `look`."""
+        """What the filter made of it; after `observe`."""
         if not self._config.enabled:
             return
         region = self._regions[roi]
@@ -81,14 +88,14 @@ class CameraQuality:
         found = set(region.found)
         if self._late:
             found.add(BlindReason.OVERLOAD)
-        if self.mount.lost:
+        if self.shift.lost:
             found.add(BlindReason.MOVED)
-        region.holds.step(time_s, found)
+        region.debouncer.step(time_s, found)
 
-    def judged(self, roi: str) -> PictureQuality:
+    def current(self, roi: str) -> PictureQuality:
         """What is known of a region's picture."""
         region = self._regions[roi]
-        reason = region.holds.reason
+        reason = region.debouncer.reason
         if reason is None and region.held_off:
             reason = BlindReason.EXPOSURE
         return PictureQuality(
@@ -119,7 +126,9 @@ class _Region:
             BlindReason.BLURRED: config.blurred,
         }
         enabled = {reason: check for reason, check in checks.items() if check.enabled and config.enabled}
-        self.holds = Holds({reason: Times(check.entry_s, check.exit_s) for reason, check in enabled.items()})
+        self.debouncer = ReasonDebouncer(
+            {reason: DebounceTimes(check.entry_s, check.exit_s) for reason, check in enabled.items()}
+        )
         self.light = 0
         self.offset_px = (0, 0)
         self.held_off, self.holdoffs, self.suspect = False, 0, False
@@ -139,8 +148,8 @@ class _Region:
         self._medians = {measure: SlowMedian(window_s) for measure in Measure}
         self._mean = SlowMedian(window_s)
         self._strange = [SlowMedian(window_s) for _ in lights]
-        self._jumps = JumpWatch(self._config.exposure.factor)
-        self._looked_s = float("-inf")
+        self._jumps = JumpDetector(self._config.exposure.factor)
+        self._measured_s = float("-inf")
         self.light = min(self.light, max(len(lights) - 1, 0))
 
     def leave(self) -> None:
@@ -164,14 +173,14 @@ class _Region:
         """Those of the present light, or the defaults."""
         return self._lights[self.light].thresholds if self._meter and self._lights else DEFAULTS
 
-    def look(self, gray: Image, time_s: float) -> None:
+    def observe(self, gray: Image, time_s: float) -> None:
         """Measure the picture where it is time to."""
         self.held_off = time_s < self._until_s
-        if self._meter is None or time_s < self._looked_s + 1.0 / self._config.rate_hz - 1e-3:
+        if self._meter is None or time_s < self._measured_s + 1.0 / self._config.rate_hz - 1e-3:
             return
-        self._looked_s = time_s
+        self._measured_s = time_s
         measures = self._meter.measure(gray)
-        self._watch_exposure(measures.mean, time_s)
+        self._check_exposure(measures.mean, time_s)
         mean = self._mean.add(time_s, measures.mean)
         strange = [
             slow.add(time_s, light.pattern.strange(measures))
@@ -198,7 +207,7 @@ class _Region:
         if unlike and min(unlike) < unlike[self.light] - _NEARER:
             self.light = unlike.index(min(unlike))
 
-    def _watch_exposure(self, mean: float, time_s: float) -> None:
+    def _check_exposure(self, mean: float, time_s: float) -> None:
         if self._config.exposure.enabled and self._jumps.add(time_s, mean):
             self.holdoffs += not self.held_off
             self._until_s, self.held_off = time_s + self._config.exposure.hold_s, True
@@ -221,7 +230,7 @@ class _Region:
             found.add(BlindReason.DUSTY if mean > _BRIGHTENED * usual else BlindReason.HIDDEN)
         elif Measure.STRANGE in beyond and BlindReason.BLURRED not in found:
             found.add(BlindReason.HIDDEN)  # a blurred picture looks strange everywhere
-        return {reason for reason in found if reason in self.holds.reasons}
+        return {reason for reason in found if reason in self.debouncer.reasons}
 
     def count_particles(self, effective: float, time_s: float) -> None:
         """The filter's effective particles; 0 for one without particles."""

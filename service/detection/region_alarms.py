@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from lumpwatch.service.config import AlarmConfig, ConditionAlarmConfig
 from lumpwatch.service.core import (
-    Act,
     Alarm,
+    AlarmAction,
     AlarmChange,
     AlarmClass,
     Changed,
@@ -45,40 +45,40 @@ class RegionAlarms:
         """Something keeps the region from judging as well as it must, or no longer does."""
         self._troubles = self._troubles | {what} if present else self._troubles - {what}
 
-    def stepped(self, made: Transition | None) -> tuple[AlarmChange, ...]:
+    def stepped(self, transition: Transition | None) -> tuple[AlarmChange, ...]:
         """The channel has stepped the lump alarm."""
-        return self._take(AlarmClass.LUMP, all_of((self._channel.alarm, made)))
+        return self._changes(AlarmClass.LUMP, all_of((self._channel.alarm, transition)))
 
-    def act(self, alarm_class: AlarmClass, act: Act, now_s: float) -> tuple[AlarmChange, ...]:
-        """What an operator or the plant does to an alarm; raises what `act` raises."""
-        return self._take(alarm_class, act(self.now()[alarm_class], self._rules(alarm_class), now_s))
+    def apply(self, alarm_class: AlarmClass, action: AlarmAction, now_s: float) -> tuple[AlarmChange, ...]:
+        """What an operator or the plant does to an alarm; raises what `action` raises."""
+        return self._changes(alarm_class, action(self.now()[alarm_class], self._rules(alarm_class), now_s))
 
-    def judge(self, blind_reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
+    def tick(self, blind_reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
         """Time goes by: whether the region is blind and why, its troubles, and holds that are over."""
-        changes = self._judge_blindness(blind_reason, now_s) + self._judge_system(now_s)
+        changes = self._step_blind(blind_reason, now_s) + self._step_system(now_s)
         for alarm_class in AlarmClass:
             ticked = tick_alarm(self.now()[alarm_class], self._rules(alarm_class), now_s)
-            changes += self._take(alarm_class, ticked)
+            changes += self._changes(alarm_class, ticked)
         return changes
 
-    def _judge_blindness(self, reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
+    def _step_blind(self, reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
         blind = 0.0 if reason is None else 1.0
         before, rules = self._others[AlarmClass.BLIND], self._rules(AlarmClass.BLIND)
-        alarm, made = step_alarm(before, rules, blind, now_s)
-        if made is not None and reason is not None:
-            made = replace(made, reason=reason)
-        return self._take(AlarmClass.BLIND, all_of((alarm, made)))
+        alarm, transition = step_alarm(before, rules, blind, now_s)
+        if transition is not None and reason is not None:
+            transition = replace(transition, reason=reason)
+        return self._changes(AlarmClass.BLIND, all_of((alarm, transition)))
 
-    def _judge_system(self, now_s: float) -> tuple[AlarmChange, ...]:
+    def _step_system(self, now_s: float) -> tuple[AlarmChange, ...]:
         before, rules = self._others[AlarmClass.SYSTEM], self._rules(AlarmClass.SYSTEM)
-        alarm, made = step_alarm(before, rules, 1.0 if self._troubles else 0.0, now_s)
+        alarm, transition = step_alarm(before, rules, 1.0 if self._troubles else 0.0, now_s)
         new = self._troubles - self._announced
-        if made is None and alarm.active and new and self._announced:
-            alarm, made = announce_again(alarm, now_s)
+        if transition is None and alarm.active and new and self._announced:
+            alarm, transition = announce_again(alarm, now_s)
         self._announced = self._troubles if alarm.active else frozenset()
-        if made is not None and self._troubles:
-            made = replace(made, reason=", ".join(sorted(self._troubles)))
-        return self._take(AlarmClass.SYSTEM, all_of((alarm, made)))
+        if transition is not None and self._troubles:
+            transition = replace(transition, reason=", ".join(sorted(self._troubles)))
+        return self._changes(AlarmClass.SYSTEM, all_of((alarm, transition)))
 
     def _rules(self, alarm_class: AlarmClass) -> AlarmConfig | ConditionAlarmConfig:
         return self._channel.config.alarm.of_class(alarm_class)
@@ -89,9 +89,9 @@ class RegionAlarms:
         else:
             self._others[alarm_class] = alarm
 
-    def _take(self, alarm_class: AlarmClass, changed: Changed) -> tuple[AlarmChange, ...]:
+    def _changes(self, alarm_class: AlarmClass, changed: Changed) -> tuple[AlarmChange, ...]:
         """The alarm is another one now."""
-        alarm, made = changed
+        alarm, transitions = changed
         self._put(alarm_class, alarm)
         priority = self._rules(alarm_class).priority
-        return tuple(AlarmChange(alarm_class, transition, alarm, priority) for transition in made)
+        return tuple(AlarmChange(alarm_class, transition, alarm, priority) for transition in transitions)

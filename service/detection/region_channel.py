@@ -51,13 +51,13 @@ class PictureJudge(Protocol):
     def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
         """The region where it lies now, and by how many pixels of the picture it was moved."""
 
-    def look(self, roi: str, gray: Image, time_s: float) -> None:
+    def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """A new working picture (h, w)."""
 
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
         """What the filter made of that picture."""
 
-    def judged(self, roi: str) -> PictureQuality:
+    def current(self, roi: str) -> PictureQuality:
         """What is known of the picture now."""
 
 
@@ -73,13 +73,13 @@ class EveryPictureFit:
         x, y = self.offset_px
         return roi.at(roi.x + x, roi.y + y), (x, y)
 
-    def look(self, roi: str, gray: Image, time_s: float) -> None:
+    def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """Nothing."""
 
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
         """Nothing."""
 
-    def judged(self, roi: str) -> PictureQuality:
+    def current(self, roi: str) -> PictureQuality:
         """Fit."""
         return PictureQuality(offset_px=self.offset_px)
 
@@ -153,15 +153,15 @@ class RegionChannel:
         gray = working_luma(frame, place)
         colour = working_colour(frame, place) if self.config.detector.needs_colour else None
         cut_s = perf_counter() - began
-        made = self._judge(
+        transition = self._filter(
             gray, colour, dt, frame.capture_s, now_s=now_s, offset_px=offset, may_learn=may_learn
         )
         self._listener.stage("cut", self.config.id, cut_s)
-        return made
+        return transition
 
     def step_working(self, gray: Image, colour: Image | None, time_s: float) -> Transition | None:
         """The same on a working picture (h, w) that was cut already, with colour (h, w, 3) where it is needed."""
-        return self._judge(
+        return self._filter(
             gray, colour, self._advance(time_s), time_s, now_s=None, offset_px=(0, 0), may_learn=True
         )
 
@@ -191,7 +191,7 @@ class RegionChannel:
             last_capture_s=self.last_s,
             size=self.size,
             filter=None if self.detector is None else self.detector.state(),
-            looks={} if self._sizer is None else self._sizer.state(),
+            sizes={} if self._sizer is None else self._sizer.state(),
             alarms={AlarmClass.LUMP: self.alarm},
             prior=self.prior,
         )
@@ -209,7 +209,7 @@ class RegionChannel:
         if snapshot.filter is not None:
             self._fitted().restore(snapshot.filter)
         if self._sizer is not None:
-            self._sizer.restore(snapshot.looks)
+            self._sizer.restore(snapshot.sizes)
 
     def _begun(self, geometry: Roi, width: int, height: int) -> Detector:
         """A detector with the prior, or with the defaults where that is refused and somebody is told."""
@@ -235,7 +235,7 @@ class RegionChannel:
         last_s, self.last_s = self.last_s, time_s
         return DEFAULT_INTERVAL_S if last_s is None else time_s - last_s
 
-    def _judge(
+    def _filter(
         self,
         gray: Image,
         colour: Image | None,
@@ -248,9 +248,9 @@ class RegionChannel:
     ) -> Transition | None:
         name, detector = self.config.id, self._fitted()
         began = perf_counter()
-        self.pictures.look(name, gray, time_s)
-        looked = perf_counter()
-        quality = self.pictures.judged(name)
+        self.pictures.observe(name, gray, time_s)
+        observed = perf_counter()
+        quality = self.pictures.current(name)
         # A background model must not learn what covers the lens.
         detector.learns = may_learn and quality.reason is None and not quality.suspect
         found = detector.step(gray, colour, dt)
@@ -258,20 +258,22 @@ class RegionChannel:
             found = self._sizer.measure(found, time_s)
         _check(found)
         self.detection = found.moved(*offset_px)
-        self._listener.stage("quality", name, looked - began)
-        self._listener.stage("filter", name, perf_counter() - looked)
+        self._listener.stage("quality", name, observed - began)
+        self._listener.stage("filter", name, perf_counter() - observed)
         self.pictures.filtered(name, self.detection, time_s)
         evidence = self._evidence(found.alarming)
         decided_s = time_s if now_s is None else now_s
-        self.alarm, made = step_alarm(self.alarm, self.config.alarm, evidence, decided_s, observed_s=time_s)
-        return made
+        self.alarm, transition = step_alarm(
+            self.alarm, self.config.alarm, evidence, decided_s, observed_s=time_s
+        )
+        return transition
 
     def _evidence(self, alarming: float) -> float:
         """What the lump alarm may judge: a picture that is not fit clears no alarm.
 
         It may still raise one, except in the hold-off after the exposure has jumped.
         """
-        quality, rules = self.pictures.judged(self.config.id), self.config.alarm
+        quality, rules = self.pictures.current(self.config.id), self.config.alarm
         if quality.reason is None and not quality.suspect:
             return alarming
         if self.alarm.active:

@@ -25,14 +25,14 @@ SHAPE_SPREAD = 0.08
 SETTLING_SPREAD, SETTLING_S = 0.15, 0.5
 """What is added to it at first, and the time in which that becomes a third: a box just found does not lie well yet.
 All of these come from simulated lumps, of training seeds."""
-LOOK_S = 0.5
-MOST_LOOKS = 4
+INDEPENDENT_S = 0.5
+MOST_INDEPENDENT = 4
 FORGET_S = 3.0
 _INTERVAL_90 = 1.6449
 
 
 @dataclass(slots=True)
-class Looks:
+class SizeTrack:
     """What is known of one object's size."""
 
     first_s: float
@@ -62,23 +62,23 @@ class Sizer:
             self._plane = make_plane(config, width, height)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        self._looks: dict[int, Looks] = {}
+        self._tracks: dict[int, SizeTrack] = {}
 
     def measure(self, detection: Detection, time_s: float) -> Detection:
         """The detection with a size for each object, and the probability that one is above the limit."""
         objects = tuple(self._sized(detected, time_s) for detected in detection.objects)
-        self._looks = {i: looks for i, looks in self._looks.items() if time_s - looks.last_s < FORGET_S}
+        self._tracks = {i: track for i, track in self._tracks.items() if time_s - track.last_s < FORGET_S}
         return replace(
             detection, objects=objects, oversize=_oversize(detection.existence, objects, self._certain)
         )
 
-    def state(self) -> dict[int, Looks]:
+    def state(self) -> dict[int, SizeTrack]:
         """A copy of what is remembered, by object."""
-        return {i: replace(looks) for i, looks in self._looks.items()}
+        return {i: replace(track) for i, track in self._tracks.items()}
 
-    def restore(self, looks: dict[int, Looks]) -> None:
+    def restore(self, tracks: dict[int, SizeTrack]) -> None:
         """Go on from there."""
-        self._looks = {i: replace(track) for i, track in looks.items()}
+        self._tracks = {i: replace(track) for i, track in tracks.items()}
 
     def _sized(self, detected: DetectedObject, time_s: float) -> DetectedObject:
         found = measure(
@@ -98,23 +98,23 @@ class Sizer:
         )
         if found is None:
             return detected
-        looks = self._looks.setdefault(detected.id, Looks(time_s, time_s))
-        looks.last_s = time_s
+        track = self._tracks.setdefault(detected.id, SizeTrack(time_s, time_s))
+        track.last_s = time_s
         whole = (
             detected.x > 1
             and detected.y > 1
             and detected.x + detected.w < self._size[0] - 1
             and detected.y + detected.h < self._size[1] - 1
         )
-        looks.on_the_way |= found.distance_m.value > 0
+        track.on_the_way |= found.distance_m.value > 0
         if whole and found.distance_m.value > 0:
-            looks.frames += 1
-            looks.longest += log(SHAPE_FACTOR * found.longest_mm.value)
-            looks.equivalent += log(found.equivalent_mm.value)
-            looks.variance += (found.longest_mm.spread / found.longest_mm.value) ** 2
-        return replace(detected, size=self._told(found, looks))
+            track.frames += 1
+            track.longest += log(SHAPE_FACTOR * found.longest_mm.value)
+            track.equivalent += log(found.equivalent_mm.value)
+            track.variance += (found.longest_mm.spread / found.longest_mm.value) ** 2
+        return replace(detected, size=self._size_of(found, track))
 
-    def _told(self, found: OnBelt, looks: Looks) -> LumpSize:
+    def _size_of(self, found: OnBelt, track: SizeTrack) -> LumpSize:
         lip = found.lip_s
         size = LumpSize(
             speed_m_s=found.speed_m_s.value,
@@ -122,13 +122,15 @@ class Sizer:
             lip_s=None if lip is None else lip.value,
             lip_spread_s=None if lip is None else lip.spread,
         )
-        if looks.frames == 0:
+        if track.frames == 0:
             # Not yet seen whole: it counts, unless it was only seen at the lip, too late for any warning.
-            return replace(size, over_limit=float(looks.on_the_way))
-        mean = looks.longest / looks.frames
-        independent = min(1.0 + (looks.last_s - looks.first_s) / LOOK_S, looks.frames, MOST_LOOKS)
-        settling = SETTLING_SPREAD * exp((looks.first_s - looks.last_s) / SETTLING_S)
-        spread = sqrt(SHAPE_SPREAD**2 + settling**2 + looks.variance / looks.frames / independent)
+            return replace(size, over_limit=float(track.on_the_way))
+        mean = track.longest / track.frames
+        independent = min(
+            1.0 + (track.last_s - track.first_s) / INDEPENDENT_S, track.frames, MOST_INDEPENDENT
+        )
+        settling = SETTLING_SPREAD * exp((track.first_s - track.last_s) / SETTLING_S)
+        spread = sqrt(SHAPE_SPREAD**2 + settling**2 + track.variance / track.frames / independent)
         over = 1.0
         if self._limit is not None:
             over = 0.5 * (1.0 + erf((mean - log(self._limit)) / spread / sqrt(2.0)))
@@ -137,7 +139,7 @@ class Sizer:
             longest_mm=exp(mean),
             low_mm=exp(mean - _INTERVAL_90 * spread),
             high_mm=exp(mean + _INTERVAL_90 * spread),
-            equivalent_mm=exp(looks.equivalent / looks.frames),
+            equivalent_mm=exp(track.equivalent / track.frames),
             over_limit=over,
         )
 
@@ -157,10 +159,10 @@ def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
 
 def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: float) -> float:
     """P(an object is there that counts as too large). What has no size yet, or no place, does."""
-    none_known, none_over = 1.0, 1.0
+    none_exists, none_over = 1.0, 1.0
     for detected in objects:
-        none_known *= 1.0 - detected.existence
+        none_exists *= 1.0 - detected.existence
         if detected.size is None or detected.size.over_limit >= certain:
             none_over *= 1.0 - detected.existence
-    elsewhere = (1.0 - existence) / none_known if none_known > 1.0 - existence else 1.0
+    elsewhere = (1.0 - existence) / none_exists if none_exists > 1.0 - existence else 1.0
     return 1.0 - elsewhere * none_over

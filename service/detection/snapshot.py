@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lumpwatch.service.core import Alarm, AlarmClass
 from lumpwatch.service.detection.detectors.base import FilterState
-from lumpwatch.service.detection.sizing import Looks
+from lumpwatch.service.detection.sizing import SizeTrack
 from lumpwatch.service.storage import Prior
 
 
@@ -20,7 +20,7 @@ class Snapshot:
     """Width and height of that frame."""
     filter: FilterState | None
     """None before the first frame, and for detectors that cannot tell."""
-    looks: dict[int, Looks]
+    sizes: dict[int, SizeTrack]
     """What is remembered of the objects' sizes."""
     alarms: dict[AlarmClass, Alarm]
     prior: Prior | None

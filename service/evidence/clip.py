@@ -109,27 +109,27 @@ def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, Pictur
         raise ClipError(f"{video}: holds {count} pictures, {times.name} has {len(lines)} lines")
 
 
-def _frame(told: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, float, PictureQuality]:
+def _frame(header: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, float, PictureQuality]:
     frame = Frame(
-        seq=int(told["seq"]),
-        capture_s=float(told["capture_s"]),
-        received_s=float(told["received_s"]),
-        wall_s=float(told["wall_s"]),
-        width=int(told["size"][0]),
-        height=int(told["size"][1]),
-        encoding=told["encoding"],
-        data=picture.reshape(told["shape"]),
-        crop=None if told["crop"] is None else tuple(told["crop"]),
-        reduction=int(told["reduction"]),
+        seq=int(header["seq"]),
+        capture_s=float(header["capture_s"]),
+        received_s=float(header["received_s"]),
+        wall_s=float(header["wall_s"]),
+        width=int(header["size"][0]),
+        height=int(header["size"][1]),
+        encoding=header["encoding"],
+        data=picture.reshape(header["shape"]),
+        crop=None if header["crop"] is None else tuple(header["crop"]),
+        reduction=int(header["reduction"]),
     )
-    judged = told["quality"]
+    judged = header["quality"]
     quality = PictureQuality(
         reason=None if judged["reason"] is None else BlindReason(judged["reason"]),
         suspect=bool(judged["suspect"]),
         held_off=bool(judged["held_off"]),
         offset_px=(int(judged["offset_px"][0]), int(judged["offset_px"][1])),
     )
-    return frame, float(told["now_s"]), quality
+    return frame, float(header["now_s"]), quality
 
 
 def _flat(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

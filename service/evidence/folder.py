@@ -25,22 +25,22 @@ class Evidence:
 
     def check(self) -> None:
         """Read all files and compare checksums. Raises EvidenceError naming the one that is damaged."""
-        for name, told in self.meta.files.items():
-            self.read(name, told)
+        for name, stored in self.meta.files.items():
+            self.read(name, stored)
 
-    def read(self, name: str, told: StoredFile | None = None) -> bytes:
+    def read(self, name: str, stored: StoredFile | None = None) -> bytes:
         """A file of it, checked. Raises EvidenceError."""
-        told = told or self.meta.files.get(name)
-        if told is None:
+        stored = stored or self.meta.files.get(name)
+        if stored is None:
             raise EvidenceError(f"{self.folder}: has no {name}")
         path = self.folder / name
         try:
             content = path.read_bytes()
         except OSError as error:
             raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from error
-        if len(content) != told.size:
-            raise EvidenceError(f"{path}: is damaged ({len(content)} bytes, expected {told.size})")
-        if hashlib.sha256(content).hexdigest() != told.sha256:
+        if len(content) != stored.size:
+            raise EvidenceError(f"{path}: is damaged ({len(content)} bytes, expected {stored.size})")
+        if hashlib.sha256(content).hexdigest() != stored.sha256:
             raise EvidenceError(f"{path}: is damaged (its checksum does not match)")
         return content
 

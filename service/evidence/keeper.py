@@ -8,7 +8,7 @@ from importlib.metadata import version
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline, Snapshot
-from lumpwatch.service.evidence.recorder import EvidenceObserver, Kept, Recorder, Trigger
+from lumpwatch.service.evidence.recorder import EvidenceObserver, Moment, Recorder, Trigger
 from lumpwatch.service.evidence.serve import serve_evidence
 from lumpwatch.service.evidence.store import EvidenceStore
 from lumpwatch.service.evidence.verdicts import judged, verdicts_by_id
@@ -38,7 +38,7 @@ class EvidenceKeeper:
     def after(self, frame: Frame, now_s: float, results: tuple[RoiResult, ...]) -> None:
         """It has; to be called before the results are announced."""
         if results:
-            self._recorder.add(Kept(frame, now_s, results), self._before)
+            self._recorder.add(Moment(frame, now_s, results), self._before)
 
     def wants(self, trigger: Trigger) -> bool:
         """Whether there will be evidence of an alarm that is raised now."""

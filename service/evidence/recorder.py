@@ -42,7 +42,7 @@ class EvidenceObserver(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class Moment:
     """A frame with what was decided on it."""
 
     frame: Frame
@@ -75,7 +75,7 @@ class Clip:
     trigger: Trigger
     start: Snapshot
     """State before the first frame."""
-    kept: tuple[Kept, ...]
+    kept: tuple[Moment, ...]
     decisive: int
     """Index of the frame that raised the alarm; for a blind alarm, of the last one before it."""
     ended: Ended
@@ -89,7 +89,7 @@ class Clip:
 @dataclass(slots=True)
 class _Group:
     before: Mapping[str, Snapshot]
-    kept: list[Kept] = field(default_factory=list)
+    kept: list[Moment] = field(default_factory=list)
     size: int = 0
 
 
@@ -97,7 +97,7 @@ class _Group:
 class _Recording:
     trigger: Trigger
     start: Snapshot
-    kept: list[Kept]
+    kept: list[Moment]
     decisive: int
     size: int
 
@@ -133,7 +133,7 @@ class Recorder:
             frame.capture_s - self._groups[-1].kept[0].frame.capture_s >= STATE_EVERY_S
         )
 
-    def add(self, kept: Kept, before: Mapping[str, Snapshot] | None) -> None:
+    def add(self, kept: Moment, before: Mapping[str, Snapshot] | None) -> None:
         """The next frame; with the state before it, where `wants_state` asked for it."""
         if not self._config.enabled:
             return

@@ -40,7 +40,9 @@ def serve_evidence(
             newest = min(asked.newest, _MOST_LISTED)
             entries = store.entries(camera, roi)[-newest:] if newest else []
             known = verdicts()
-            return json.dumps([told for entry in entries if (told := _told(entry.folder, known))]).encode()
+            return json.dumps(
+                [stored for entry in entries if (stored := _listing(entry.folder, known))]
+            ).encode()
         evidence = read_evidence(store.folder(camera, roi, asked.id))
         if asked.file is None:
             return json.dumps(as_json(evidence.meta, verdicts())).encode()
@@ -64,14 +66,14 @@ def fetch_evidence(bus: Bus, key: str, evidence: str, out: Path) -> Evidence:
 
     def fill(folder: Path) -> None:
         (folder / META).write_bytes(meta.line() + b"\n")
-        for name, told in meta.files.items():
+        for name, stored in meta.files.items():
             if Path(name).name != name:
                 raise EvidenceError(f"{key}: '{name}' is not the name of a file")
             with (folder / name).open("wb") as file:
-                while file.tell() < told.size:
+                while file.tell() < stored.size:
                     piece = _ask(bus, key, {"id": evidence, "file": name, "offset": str(file.tell())})
                     if not piece:
-                        raise EvidenceError(f"{key}: {name} ends after {file.tell()} of {told.size} bytes")
+                        raise EvidenceError(f"{key}: {name} ends after {file.tell()} of {stored.size} bytes")
                     file.write(piece)
 
     return put_down(meta, out, fill)
@@ -116,7 +118,7 @@ def _ask(bus: Bus, key: str, parameters: dict[str, str]) -> bytes:
     return replies[0].payload
 
 
-def _told(folder: Path, verdicts: dict[tuple[str, str], str]) -> dict[str, Any] | None:
+def _listing(folder: Path, verdicts: dict[tuple[str, str], str]) -> dict[str, Any] | None:
     try:
         return as_json(read_evidence(folder).meta, verdicts)
     except EvidenceError:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lumpwatch.service.core import Alarm, AlarmClass
-from lumpwatch.service.detection import FilterState, Looks, Snapshot
+from lumpwatch.service.detection import FilterState, SizeTrack, Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior, alarm_of
 
@@ -28,7 +28,7 @@ def encode_state(snapshot: Snapshot) -> bytes:
         "last_capture_s": snapshot.last_capture_s,
         "size": snapshot.size,
         "filter": None if snapshot.filter is None else snapshot.filter.plain,
-        "looks": {str(i): asdict(looks) for i, looks in snapshot.looks.items()},
+        "looks": {str(i): asdict(track) for i, track in snapshot.sizes.items()},
         "alarms": {alarm_class.value: _alarm(alarm) for alarm_class, alarm in snapshot.alarms.items()},
     }
     arrays = {} if snapshot.filter is None else snapshot.filter.arrays
@@ -57,7 +57,7 @@ def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None
         plain["last_capture_s"],
         None if plain["size"] is None else (int(plain["size"][0]), int(plain["size"][1])),
         None if plain["filter"] is None else FilterState(plain["filter"], arrays),
-        {int(i): Looks(**looks) for i, looks in plain["looks"].items()},
+        {int(i): SizeTrack(**track) for i, track in plain["looks"].items()},
         {
             AlarmClass(alarm_class): alarm_of(json.dumps(alarm))
             for alarm_class, alarm in plain["alarms"].items()

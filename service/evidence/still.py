@@ -8,7 +8,7 @@ import numpy as np
 from lumpwatch.models.roi import Image
 from lumpwatch.service.config import RoiConfig
 from lumpwatch.service.core import COLOURS, label_of, to_bgr
-from lumpwatch.service.evidence.recorder import Kept, Trigger
+from lumpwatch.service.evidence.recorder import Moment, Trigger
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _QUALITY = 88
@@ -16,7 +16,7 @@ _LEAST_WIDTH = 480
 """Small pictures are enlarged to this, so that the text fits."""
 
 
-def still(kept: Kept, roi: RoiConfig, trigger: Trigger) -> bytes:
+def still(kept: Moment, roi: RoiConfig, trigger: Trigger) -> bytes:
     """JPEG of the part of the picture that the frame holds. Raises ValueError."""
     frame, result = kept.frame, kept.result(roi.id)
     left, top, width, height = frame.window

@@ -13,18 +13,18 @@ def verdicts_by_id(path: Path) -> dict[tuple[str, str], str]:
     """The verdicts that count in an event log, by ROI and alarm id; none where it cannot be read."""
     try:
         with reading(path) as db:
-            return {key: verdict.says.value for key, verdict in latest_verdicts(db).items()}
+            return {key: verdict.outcome.value for key, verdict in latest_verdicts(db).items()}
     except EventLogError:
         return {}
 
 
 def judged(store: Path) -> Callable[[Entry], bool]:
     """Whether a piece of evidence has a verdict, by the event logs as they are now."""
-    known: dict[str, dict[tuple[str, str], str]] = {}
+    verdicts: dict[str, dict[tuple[str, str], str]] = {}
 
-    def look(entry: Entry) -> bool:
-        if entry.camera not in known:
-            known[entry.camera] = verdicts_by_id(event_file(store, entry.camera))
-        return (entry.roi, entry.id) in known[entry.camera]
+    def is_judged(entry: Entry) -> bool:
+        if entry.camera not in verdicts:
+            verdicts[entry.camera] = verdicts_by_id(event_file(store, entry.camera))
+        return (entry.roi, entry.id) in verdicts[entry.camera]
 
-    return look
+    return is_judged

@@ -61,7 +61,7 @@ class EvidenceWriter:
         self._judged = judged
         self._wall = wall
         self._fill = fill
-        self._told = ""
+        self._last_problem = ""
         self._clips: deque[Clip] = deque()
         self._waiting = 0
         self._wake = threading.Condition()
@@ -122,9 +122,9 @@ class EvidenceWriter:
             trigger.id,
             lambda folder: self._fill(folder, clip, origin.site, origin.camera, origin.software),
         )
-        if self._told:
+        if self._last_problem:
             log.info("evidence: written again")
-        self._told = ""
+        self._last_problem = ""
 
     def _prune(self) -> None:
         removed = self._store.prune(self._config, self._wall(), self._judged())
@@ -143,9 +143,9 @@ class EvidenceWriter:
             full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
             reason = "disk_full" if full else "unwritable"
             self._observer.evidence_problem(reason)
-            told = f"{reason}: {error}"
-            if reason != self._told.partition(":")[0]:  # once, not with every clip
-                log.error("evidence cannot be kept in %s, %s; detection goes on", self._store.root, told)  # noqa: TRY400
-            self._told = told
+            problem = f"{reason}: {error}"
+            if reason != self._last_problem.partition(":")[0]:  # once, not with every clip
+                log.error("evidence cannot be kept in %s, %s; detection goes on", self._store.root, problem)  # noqa: TRY400
+            self._last_problem = problem
             return False
         return True

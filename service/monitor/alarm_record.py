@@ -57,16 +57,16 @@ def finish(
     clocks: Clocks,
     publisher: str = "",
     latency: Latency | None = None,
-    largest: Details | None = None,
+    largest_lump: Details | None = None,
     evidence: Callable[[Trigger], bool] = lambda _: False,
 ) -> AlarmRecord:
     """The record of a change in a result. Raises RecordError.
 
-    `publisher` is the name of the one that sends it, `largest` what is known of the largest lump, and
+    `publisher` is the name of the one that sends it, `largest_lump` what is known of the largest lump, and
     `evidence` says whether there will be evidence of an alarm that was raised.
     """
-    told, name, trigger = change.transition, record_id(clocks, sequence), None
-    if told.change is Change.RAISED:
+    transition, name, trigger = change.transition, record_id(clocks, sequence), None
+    if transition.change is Change.RAISED:
         trigger = Trigger(name, result.roi, change.alarm_class, sequence, clocks.wall_s, clocks.monotonic_s)
     try:
         made = alarm_event(
@@ -82,7 +82,7 @@ def finish(
         line = made.line()
     except ValueError as error:
         raise RecordError(
-            f"{source.camera}/{result.roi}: {change.alarm_class.value} alarm {told.change.value}: "
+            f"{source.camera}/{result.roi}: {change.alarm_class.value} alarm {transition.change.value}: "
             "cannot be recorded, so it is not done (its text is not UTF-8)"
         ) from error
     event = Event(
@@ -92,24 +92,24 @@ def finish(
         camera=source.camera,
         roi=result.roi,
         alarm_class=change.alarm_class,
-        change=told.change.value,
-        before=told.before.value,
-        after=told.after.value,
-        actor=told.actor,
-        reason=told.reason,
+        change=transition.change.value,
+        before=transition.before.value,
+        after=transition.after.value,
+        actor=transition.actor,
+        reason=transition.reason,
         existence=made.data.existence,
         frame=made.data.frame,
         id=made.id,
         sequence=made.data.sequence,
         alarm=change.alarm,
-        details=_details(made.data, largest or {}),
+        details=_details(made.data, largest_lump or {}),
     )
-    return AlarmRecord(change.alarm_class, told, Entry(event, line, publisher), trigger)
+    return AlarmRecord(change.alarm_class, transition, Entry(event, line, publisher), trigger)
 
 
-def _details(data: AlarmData, largest: Details) -> Details:
+def _details(data: AlarmData, largest_lump: Details) -> Details:
     """What reports want to know of a change beside the alarm's own columns."""
     found: Details = {"lip_s": data.lip_s, "evidence": data.evidence}
     if data.alarm_class is AlarmClass.LUMP:
-        found |= largest
+        found |= largest_lump
     return {name: value for name, value in found.items() if value is not None}

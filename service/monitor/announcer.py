@@ -19,9 +19,9 @@ from lumpwatch.service.evidence import Trigger
 from lumpwatch.service.monitor.alarm_record import AlarmRecord, Source, finish
 from lumpwatch.service.monitor.effects import Confirm, Count, Effect, KeepEvidence, Publish, Write, effects_of
 from lumpwatch.service.monitor.heartbeat import VALID_S
-from lumpwatch.service.monitor.largest_seen import LargestSeen
-from lumpwatch.service.monitor.latency import LatencyWatch
-from lumpwatch.service.monitor.uptime import WatchLog
+from lumpwatch.service.monitor.largest_lump import LargestLump
+from lumpwatch.service.monitor.latency import LatencyTracker
+from lumpwatch.service.monitor.uptime import UptimeRecorder
 from lumpwatch.service.protocol import level_of, state_message
 from lumpwatch.service.storage import EventWriter, Span
 from lumpwatch.service.telemetry import MonitorMetrics
@@ -72,7 +72,7 @@ class Announcer:
         """`clock` names this host's monotonic clock, `clocks` tells the time."""
         self._site = site
         self._bus = bus
-        self._linked = False
+        self._connected = False
         self._unconfirmed: list[tuple[str, str]] = []
         self._camera = camera.id
         self._events = events
@@ -80,13 +80,13 @@ class Announcer:
         self._source = Source(site, camera.id, clock)
         self._clocks = clocks
         self._evidence: Evidence = evidence or NoEvidence()
-        self._watch = WatchLog()
+        self._uptime = UptimeRecorder()
         self._rois = {roi.id: roi for roi in camera.rois}
-        self._largest = {roi.id: LargestSeen() for roi in camera.rois}
+        self._largest = {roi.id: LargestLump() for roi in camera.rois}
         self._states: dict[str, Publisher] = {}
         self._alarms: dict[str, Publisher] = {}
         self._levels: dict[str, Publisher] = {}
-        self._latency = {roi.id: LatencyWatch(camera.latency) for roi in camera.rois}
+        self._latency = {roi.id: LatencyTracker(camera.latency) for roi in camera.rois}
         self._level_sent: dict[str, tuple[bytes, float]] = {}
         keys = Keys(site)
         for roi in camera.rois:
@@ -109,29 +109,29 @@ class Announcer:
         past = {(record.roi, record.id): record for record in self._events.records}
         for roi, number, record in self._events.unpublished:
             if roi in self._alarms:
-                known = past.get((roi, number))
-                if known is None or not known.publisher:
+                former = past.get((roi, number))
+                if former is None or not former.publisher:
                     self._alarms[roi].put(record)
                 else:  # under the old name: who has had it does not get it twice
-                    self._alarms[roi].put(record, known.number, known.publisher)
+                    self._alarms[roi].put(record, former.number, former.publisher)
         self._sent([(roi, number) for roi, number, _ in self._events.unpublished])
 
     def confirm(self) -> None:
         """Called once a second: what was sent without a hub is fetched by subscribers soon after it is back."""
-        linked = self._bus.linked
-        if linked and self._linked and self._unconfirmed:
+        connected = self._bus.connected
+        if connected and self._connected and self._unconfirmed:
             self._events.published(self._unconfirmed)
             self._unconfirmed = []
-        self._linked = linked
+        self._connected = connected
 
     def _sent(self, records: list[tuple[str, str]]) -> None:
         """These (ROI, id) were put; where a hub is there, they are on the bus."""
         if not records:
             return
-        if self._bus.linked:
+        if self._bus.connected:
             self._events.published(records)
         else:
-            self._linked = False
+            self._connected = False
             self._unconfirmed += records
 
     def _past(self, roi: str, key: str) -> list[Message]:
@@ -147,7 +147,7 @@ class Announcer:
         """Write and send the changes, then the states."""
         clocks = self._clocks()
         for result in results:
-            self._largest[result.roi].saw(result)
+            self._largest[result.roi].observe(result)
             if result.decided:
                 self._time(result, clocks.monotonic_s)
         for effect in self.plan(results, clocks):
@@ -158,7 +158,7 @@ class Announcer:
             self._states[result.roi].put(message.line())
             self._send_level(result.roi, level_of(result, sequence, VALID_S).line(), clocks.monotonic_s)
             self._metrics.state(result.roi, result.decision, result.existence, result.alarms)
-            self._write_spans(self._watch.saw(result.roi, result.reason, clocks))
+            self._write_spans(self._uptime.observe(result.roi, result.reason, clocks))
 
         took_s = self._clocks().monotonic_s - clocks.monotonic_s
         for result in results:
@@ -173,7 +173,7 @@ class Announcer:
 
     def close(self) -> None:
         """Nobody watches any more."""
-        self._write_spans(self._watch.close(self._clocks()))
+        self._write_spans(self._uptime.close(self._clocks()))
 
     def _write_spans(self, spans: tuple[Span, ...]) -> None:
         if spans:
@@ -203,7 +203,7 @@ class Announcer:
                 clocks=clocks,
                 publisher=self._alarms[result.roi].name,
                 latency=self._latency[result.roi].last,
-                largest=self._largest[result.roi].told(),
+                largest_lump=self._largest[result.roi].details(),
                 evidence=self._evidence.wants,
             )
             for sequence, change in enumerate(result.changes, self._sequences[result.roi] + 1)

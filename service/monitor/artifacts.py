@@ -84,8 +84,8 @@ class ArtifactWatcher:
         self._reference: int | None = None
         self._lock = threading.Lock()
         self._found: list[Artifact] = []
-        self._began_s: float | None = None
-        self._said_hung = False
+        self._poll_began_s: float | None = None
+        self._hung_logged = False
         self._closed = threading.Event()
 
     def first(self) -> tuple[Artifact, ...]:
@@ -110,31 +110,31 @@ class ArtifactWatcher:
         """What was found since the last call, in order; returns at once whatever the disk does."""
         with self._lock:
             found, self._found = tuple(self._found), []
-            began_s = self._began_s
-        hung = began_s is not None and self._clock() - began_s >= HUNG_S
-        if hung and not self._said_hung:
+            poll_began_s = self._poll_began_s
+        hung = poll_began_s is not None and self._clock() - poll_began_s >= HUNG_S
+        if hung and not self._hung_logged:
             log.error(
                 "%s: the store has not answered for %.0f s; new priors, references and shadows must wait",
                 self._camera,
                 HUNG_S,
             )
-        self._said_hung = hung
+        self._hung_logged = hung
         return found
 
     def poll(self) -> tuple[Artifact, ...]:
         """Look once at everything; what is new."""
         found: list[Artifact] = []
         for roi in self._rois:
-            found += self._look_for_prior(roi)
-        found += self._look_for_reference()
+            found += self._poll_prior(roi)
+        found += self._poll_reference()
         for roi in self._rois:
-            found += self._look_for_shadow(roi)
+            found += self._poll_shadow(roi)
         return tuple(found)
 
     def _run(self) -> None:
         while not self._closed.wait(self._poll_s):
             with self._lock:
-                self._began_s = self._clock()
+                self._poll_began_s = self._clock()
             try:
                 found = self.poll()
             except Exception:
@@ -142,9 +142,9 @@ class ArtifactWatcher:
                 found = ()
             with self._lock:
                 self._found += found
-                self._began_s = None
+                self._poll_began_s = None
 
-    def _look_for_prior(self, roi: str) -> Iterator[Artifact]:
+    def _poll_prior(self, roi: str) -> Iterator[Artifact]:
         pointer = self._priors.pointer(self._camera, roi)
         if pointer is None or pointer == self._prior.get(roi):
             return
@@ -169,7 +169,7 @@ class ArtifactWatcher:
             log.info("%s/%s: uses prior version %d", self._camera, roi, found.prior.version)
         return found
 
-    def _look_for_reference(self) -> Iterator[Artifact]:
+    def _poll_reference(self) -> Iterator[Artifact]:
         pointer = self._references.versions(self._camera).pointer
         if pointer is None or pointer == self._reference:
             return
@@ -187,7 +187,7 @@ class ArtifactWatcher:
             log.info("%s: uses reference version %d", self._camera, found.reference.version)
             yield NewReference(found.reference)
 
-    def _look_for_shadow(self, roi: str) -> Iterator[Artifact]:
+    def _poll_shadow(self, roi: str) -> Iterator[Artifact]:
         pointer = self._priors.shadow_pointer(self._camera, roi)
         if pointer == self._shadow.get(roi):
             return

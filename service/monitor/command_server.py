@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from lumpwatch.service.bus import Callback, Handle, Handler, Keys, Service
-from lumpwatch.service.core import Act, AlarmClass, AlarmRequestError, Change, RoiResult
+from lumpwatch.service.core import AlarmAction, AlarmClass, AlarmRequestError, Change, RoiResult
 from lumpwatch.service.protocol import COMMANDS, ActReply, Command, Lane, read_request
 
 log = logging.getLogger(__name__)
@@ -20,7 +20,7 @@ Do = Callable[[str, Any], bytes]
 class Alarms(Protocol):
     """What alarm commands work on; the monitor is it."""
 
-    def act(self, roi: str, alarm_class: AlarmClass, act: Act) -> tuple[RoiResult, int]:
+    def apply(self, roi: str, alarm_class: AlarmClass, action: AlarmAction) -> tuple[RoiResult, int]:
         """Do it, and have it recorded; the result, and the sequence of the ROI's last record."""
 
 
@@ -45,14 +45,14 @@ class CommandServer:
         refused: Callable[[str, str], None],
         commands: Mapping[str, Command] = COMMANDS,
     ) -> None:
-        """`others` do the commands that have no `act`, by name; `refused` counts by ROI and command.
+        """`others` do the commands that have no `action`, by name; `refused` counts by ROI and command.
 
         Raises KeyError for a command that nothing does.
         """
         self._refused = refused
         self._commands = commands
         self._do = {
-            name: others[name] if row.act is None else partial(_act, alarms, row, row.act)
+            name: others[name] if row.action is None else partial(_apply, alarms, row, row.action)
             for name, row in commands.items()
         }
 
@@ -93,9 +93,9 @@ class CommandServer:
         return put
 
 
-def _act(alarms: Alarms, row: Command, make: Callable[[Any], Act], roi: str, asked: Any) -> bytes:
-    of: AlarmClass = asked.alarm_class
-    result, sequence = alarms.act(roi, of, make(asked))
+def _apply(alarms: Alarms, row: Command, make: Callable[[Any], AlarmAction], roi: str, request: Any) -> bytes:
+    of: AlarmClass = request.alarm_class
+    result, sequence = alarms.apply(roi, of, make(request))
     changes = tuple(change.transition.change for change in result.changes if change.alarm_class is of)
     alarm = result.alarms[of]
     return ActReply(

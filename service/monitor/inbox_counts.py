@@ -22,7 +22,7 @@ class InboxCounts:
         self._dropped = dropped
         self._counted: dict[str, int] = {}
 
-    def tell(self, skipped: int, malformed: Mapping[_Reason, int]) -> None:
+    def publish(self, skipped: int, malformed: Mapping[_Reason, int]) -> None:
         """Count what is new of the frames that newer ones replaced, and of the messages that were none, by reason."""
         counts = {"skipped": skipped}
         counts |= {f"malformed_{reason}": count for reason, count in dict(malformed).items()}

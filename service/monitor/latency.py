@@ -7,7 +7,7 @@ from lumpwatch.service.core import RoiResult
 from lumpwatch.service.protocol import Latency
 
 
-class LatencyWatch:
+class LatencyTracker:
     """The latency of one ROI; times are seconds on the monitor's monotonic clock."""
 
     def __init__(self, config: LatencyConfig) -> None:

@@ -14,8 +14,8 @@ from dataclasses import replace
 from lumpwatch.service.bus import Bus, Keys
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.core import (
-    Act,
     Alarm,
+    AlarmAction,
     AlarmClass,
     Changed,
     Clocks,
@@ -35,7 +35,7 @@ from lumpwatch.service.monitor.heartbeat import LastDecision, heartbeat
 from lumpwatch.service.monitor.inbox_counts import InboxCounts
 from lumpwatch.service.monitor.proof.chain import Site
 from lumpwatch.service.monitor.proofs import Proofs
-from lumpwatch.service.monitor.shadow_desk import ShadowDesk
+from lumpwatch.service.monitor.shadow_runner import ShadowRunner
 from lumpwatch.service.monitor.verdict_handler import verdict_handler
 from lumpwatch.service.protocol import EvidenceRequest, PriorRequest, ProofRequest
 from lumpwatch.service.storage import (
@@ -46,12 +46,12 @@ from lumpwatch.service.storage import (
     encode_prior,
     event_file,
 )
-from lumpwatch.service.telemetry import MonitorMetrics, WorkerLink
+from lumpwatch.service.telemetry import DaemonConnection, MonitorMetrics
 
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 1.0
-LOOK_EVERY_S = 0.25
+POLL_EVERY_S = 0.25
 """How often states are decided and published while no frame comes."""
 
 
@@ -64,7 +64,7 @@ class Monitor:
         config: SiteConfig,
         camera_id: str,
         bus: Bus,
-        link: WorkerLink,
+        daemon: DaemonConnection,
         metrics: MonitorMetrics,
         events: EventWriter,
         evidence: EvidenceKeeper,
@@ -76,7 +76,7 @@ class Monitor:
         self._site = config.site
         self._camera = config.camera(camera_id)
         self._bus = bus
-        self._link = link
+        self._daemon = daemon
         self._metrics = metrics
         self._evidence = evidence
         self._clocks = clocks
@@ -101,7 +101,7 @@ class Monitor:
                 (artifact.reference for artifact in found if isinstance(artifact, NewReference)), None
             ),
         )
-        self._shadows = ShadowDesk(
+        self._shadows = ShadowRunner(
             site=config.site,
             camera=self._camera,
             store=store,
@@ -113,7 +113,7 @@ class Monitor:
         self._keys = Keys(config.site)
         self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
         self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
-        self._proofs = make_proofs(self._watched())
+        self._proofs = make_proofs(self._proof_site())
         self._announcer = Announcer(
             site=config.site,
             camera=self._camera,
@@ -131,7 +131,7 @@ class Monitor:
                 "verdict": judge,
                 "evidence": self._show_evidence,
                 "prior": self._show_prior,
-                "proof": self._prove,
+                "proof": self._run_proof,
             },
             refused=metrics.refused,
         )
@@ -140,27 +140,27 @@ class Monitor:
         self._far_clock = StreamClock()  # of a camera process on another host
         self._inbox_counts = InboxCounts(metrics.dropped)
         self._beats = 0
-        self._looked_s = self._beat_s = 0.0
+        self._polled_s = self._beat_s = 0.0
 
     def run(self) -> None:
         """Until the link says stop."""
         self._announcer.send_again()
-        self._tell_troubles()
-        self._publish(self._pipeline.look(self._now()))
+        self._update_troubles()
+        self._publish(self._pipeline.poll(self._now()))
         self._commands.serve(self._bus, self._keys, self._camera.id, self._rois)
         self._bus.alive(self._keys.alive("monitor", self._camera.id))
         self._artifacts.start()
-        while not self._link.stop.is_set():
-            self._link.beat()
+        while not self._daemon.stop.is_set():
+            self._daemon.beat()
             frame = self._take()
             now = self._now()
             with self._lock:
                 self._adopt()
                 results = self._decide(frame, now)
-                if not results and now - self._looked_s >= LOOK_EVERY_S:
-                    self._publish(self._pipeline.look(now))
+                if not results and now - self._polled_s >= POLL_EVERY_S:
+                    self._publish(self._pipeline.poll(now))
                     self._evidence.tick(now)
-                    self._looked_s = now
+                    self._polled_s = now
                 if now - self._beat_s >= HEARTBEAT_S:
                     self._beat(now)
                     self._beat_s = now
@@ -171,7 +171,7 @@ class Monitor:
             self._announcer.close()
         self._shadows.close()
 
-    def act(self, roi: str, alarm_class: AlarmClass, act: Act) -> tuple[RoiResult, int]:
+    def apply(self, roi: str, alarm_class: AlarmClass, action: AlarmAction) -> tuple[RoiResult, int]:
         """Do something to an alarm now; the result, and the sequence of the ROI's last record.
 
         Raises AlarmRequestError where it is not allowed, or cannot be recorded; the alarm is as before then.
@@ -180,24 +180,24 @@ class Monitor:
             shown = self._decisions[roi]
 
             def recordable(alarm: Alarm, rules: Rules, time_s: float) -> Changed:
-                changed = act(alarm, rules, time_s)
+                changed = action(alarm, rules, time_s)
                 self._announcer.check(shown, alarm_class, changed)
                 return changed
 
-            result = self._pipeline.act(roi, alarm_class, recordable, self._now())
+            result = self._pipeline.apply(roi, alarm_class, recordable, self._now())
             self._publish((result,))
             return result, self._announcer.sequence(roi)
 
     def _now(self) -> float:
         return self._clocks().monotonic_s
 
-    def _watched(self) -> Site:
+    def _proof_site(self) -> Site:
         """What a proof test may know of this chain."""
         return Site(
             size=lambda: self._pipeline.size,
             prior=self._prior,
             decision=lambda roi: self._decisions[roi].decision,
-            stopped=self._link.stop.wait,
+            stopped=self._daemon.stop.wait,
         )
 
     def _prior(self, roi: str) -> Prior | None:
@@ -210,15 +210,15 @@ class Monitor:
             raise LumpwatchError(f"roi {roi} runs on the stated defaults, it has no prior")
         return encode_prior(prior)
 
-    def _show_evidence(self, roi: str, asked: EvidenceRequest) -> bytes:
-        return self._evidence.handler(roi)(asked)
+    def _show_evidence(self, roi: str, request: EvidenceRequest) -> bytes:
+        return self._evidence.handler(roi)(request)
 
-    def _prove(self, roi: str, asked: ProofRequest) -> bytes:
-        return self._proofs.test(roi, asked.actor).line()
+    def _run_proof(self, roi: str, request: ProofRequest) -> bytes:
+        return self._proofs.test(roi, request.actor).line()
 
     def _take(self) -> Frame | None:
         """The newest frame, with its times on the clock of this host."""
-        frame = self._inbox.take(LOOK_EVERY_S)
+        frame = self._inbox.take(POLL_EVERY_S)
         if frame is None or self._inbox.same_clock:
             return frame
         received = self._far_clock.stamp(frame.received_s, self._now()).capture_s
@@ -232,7 +232,7 @@ class Monitor:
             self._evidence.before(frame, self._pipeline)
             results = self._pipeline.process(frame, now)
             self._evidence.after(frame, now, results)
-            self._link.state = "running"  # kernels are compiled in the first step
+            self._daemon.state = "running"  # kernels are compiled in the first step
             self._publish(results)
         except LumpwatchError as error:
             log.error("%s", error)  # noqa: TRY400 - the line says it all
@@ -245,14 +245,14 @@ class Monitor:
         for result in results:
             if result.decided and result.frame is not None and result.detection is not None:
                 now = self._now()
-                self._decided_s[result.roi] = self._link.decided[result.roi] = now
+                self._decided_s[result.roi] = self._daemon.decided[result.roi] = now
                 self._metrics.decided(result.roi, now - result.frame.received_s, result.detection)
                 self._pipeline.trouble(result.roi, Trouble.LATENCY, present=self._announcer.late(result.roi))
-            self._metrics.picture.judged(result.roi, result.reason, result.quality)
-            self._tell_change(result)
+            self._metrics.picture.update(result.roi, result.reason, result.quality)
+            self._log_change(result)
             self._decisions[result.roi] = result
 
-    def _tell_change(self, result: RoiResult) -> None:
+    def _log_change(self, result: RoiResult) -> None:
         before = self._decisions.get(result.roi)
         if before is None or before.decision is not result.decision:
             reason = f" ({result.reason.value})" if result.reason else ""
@@ -279,11 +279,11 @@ class Monitor:
         """Once a second."""
         self._send_heartbeat(now)
         self._announcer.confirm()
-        self._inbox_counts.tell(self._inbox.skipped, self._inbox.malformed)
+        self._inbox_counts.publish(self._inbox.skipped, self._inbox.malformed)
         self._measure()
-        self._shadows.tell(now)
-        self._proofs.look()
-        self._tell_troubles()
+        self._shadows.publish(now)
+        self._proofs.poll()
+        self._update_troubles()
 
     def _send_heartbeat(self, now: float) -> None:
         self._beats += 1
@@ -302,10 +302,10 @@ class Monitor:
             prior = self._pipeline.prior(roi)
             age_s = 0.0 if prior is None else max(0.0, wall_s - prior.meta.created.timestamp())
             self._metrics.prior(roi, prior.version if prior else 0, age_s)
-        used, mount = self._pipeline.reference, self._pipeline.quality.mount
-        self._metrics.picture.mounted(used.version if used else 0, mount.shift_px, mount.follows)
+        used, shift = self._pipeline.reference, self._pipeline.quality.shift
+        self._metrics.picture.shifted(used.version if used else 0, shift.shift_px, shift.follows)
 
-    def _tell_troubles(self) -> None:
+    def _update_troubles(self) -> None:
         for roi in self._rois:
             for trouble, present in self._proofs.troubles(roi).items():
                 self._pipeline.trouble(roi, trouble, present=present)

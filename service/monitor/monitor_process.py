@@ -16,14 +16,14 @@ from lumpwatch.service.monitor.proof.chain import ProofTest, Site
 from lumpwatch.service.monitor.proof.keeper import ProofKeeper
 from lumpwatch.service.monitor.proofs import Proofs
 from lumpwatch.service.storage import EventWriter, Retention
-from lumpwatch.service.telemetry import MonitorMetrics, ProofMetrics, WorkerLink
+from lumpwatch.service.telemetry import DaemonConnection, MonitorMetrics, ProofMetrics
 
 
 def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> None:
     """Filter and decide until told to stop; the entry point of the process."""
     log_to_stderr()
     registry = CollectorRegistry()
-    link = WorkerLink(connection, registry)
+    daemon = DaemonConnection(connection, registry)
     camera = config.camera(camera_id)
     rois = tuple(roi.id for roi in camera.rois)
     metrics, proofs = MonitorMetrics(registry, camera_id, rois), ProofMetrics(registry, camera_id, rois)
@@ -31,7 +31,7 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     events = EventWriter(config.store.path, camera_id, metrics, time.time, retention=retention)
     evidence = EvidenceKeeper(config, camera_id, metrics)
     try:
-        with open_client(config.bus, link.stop) as bus:
+        with open_client(config.bus, daemon.stop) as bus:
 
             def make_proofs(watched: Site) -> Proofs:
                 test = ProofTest(config.site, camera, bus, watched)
@@ -41,7 +41,7 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
                 config=config,
                 camera_id=camera_id,
                 bus=bus,
-                link=link,
+                daemon=daemon,
                 metrics=metrics,
                 events=events,
                 evidence=evidence,
@@ -54,7 +54,7 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     finally:
         events.close()  # first: it matters more, and the time is limited
         evidence.close()
-        link.close()
+        daemon.close()
 
 
 def now() -> Clocks:

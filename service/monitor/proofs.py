@@ -14,7 +14,7 @@ class Proofs(Protocol):
     def troubles(self, roi: str) -> dict[Trouble, bool]:
         """What they have to say to the system alarm of a ROI."""
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Start a test where one is due."""
 
     def test(self, roi: str, actor: str) -> ProofResult:

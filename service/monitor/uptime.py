@@ -12,68 +12,72 @@ from lumpwatch.service.core import Clocks
 from lumpwatch.service.storage import Span
 
 SPAN_S = 60.0
-LONGEST_LOOK_S = 2.0
+LONGEST_GAP_S = 2.0
 """A monitor that lives looks four times a second."""
 
 
 @dataclass(slots=True)
-class _Watched:
+class _OpenSpan:
     begin_s: float
     """Monotonic clock, as all but the spans."""
     last_s: float
-    said: str | None
+    reason: str | None
     """Why it was blind; None: it could see."""
     seen_s: float = 0.0
     blind_s: dict[str, float] = field(default_factory=dict)
 
 
-class WatchLog:
+class UptimeRecorder:
     """Sums up what the ROIs of one camera say."""
 
     def __init__(self) -> None:
-        self._rois: dict[str, _Watched] = {}
+        self._rois: dict[str, _OpenSpan] = {}
 
-    def saw(self, roi: str, reason: str | None, clocks: Clocks) -> tuple[Span, ...]:
+    def observe(self, roi: str, reason: str | None, clocks: Clocks) -> tuple[Span, ...]:
         """A ROI said whether it sees; the spans that are complete by now."""
         now = clocks.monotonic_s
-        watched = self._rois.setdefault(roi, _Watched(now, now, reason))
-        ended = self._count(roi, watched, clocks)
-        watched.said = reason
-        if now - watched.begin_s < SPAN_S:
+        open_span = self._rois.setdefault(roi, _OpenSpan(now, now, reason))
+        ended = self._count(roi, open_span, clocks)
+        open_span.reason = reason
+        if now - open_span.begin_s < SPAN_S:
             return ended
-        return (*ended, *self._end(roi, watched, clocks))
+        return (*ended, *self._end(roi, open_span, clocks))
 
     def close(self, clocks: Clocks) -> tuple[Span, ...]:
         """All that is not told yet."""
         return tuple(
             span
-            for roi, watched in self._rois.items()
-            for span in (*self._count(roi, watched, clocks), *self._end(roi, watched, clocks))
+            for roi, open_span in self._rois.items()
+            for span in (*self._count(roi, open_span, clocks), *self._end(roi, open_span, clocks))
         )
 
-    def _count(self, roi: str, watched: _Watched, clocks: Clocks) -> tuple[Span, ...]:
+    def _count(self, roi: str, open_span: _OpenSpan, clocks: Clocks) -> tuple[Span, ...]:
         """Add the time since the last look; after a gap the span before it is complete."""
-        passed = clocks.monotonic_s - watched.last_s
-        counted = min(passed, LONGEST_LOOK_S)
-        if watched.said is None:
-            watched.seen_s += counted
+        passed_s = clocks.monotonic_s - open_span.last_s
+        counted_s = min(passed_s, LONGEST_GAP_S)
+        if open_span.reason is None:
+            open_span.seen_s += counted_s
         else:
-            watched.blind_s[watched.said] = watched.blind_s.get(watched.said, 0.0) + counted
-        watched.last_s += counted
-        if passed == counted:
+            open_span.blind_s[open_span.reason] = open_span.blind_s.get(open_span.reason, 0.0) + counted_s
+        open_span.last_s += counted_s
+        if passed_s == counted_s:
             return ()
-        beyond = passed - counted
-        ended = self._end(roi, watched, Clocks(watched.last_s, clocks.wall_s - beyond))
-        watched.begin_s = watched.last_s = clocks.monotonic_s
+        beyond_s = passed_s - counted_s
+        ended = self._end(roi, open_span, Clocks(open_span.last_s, clocks.wall_s - beyond_s))
+        open_span.begin_s = open_span.last_s = clocks.monotonic_s
         return ended
 
-    def _end(self, roi: str, watched: _Watched, clocks: Clocks) -> tuple[Span, ...]:
-        lasted = clocks.monotonic_s - watched.begin_s
-        if lasted <= 0.0:
+    def _end(self, roi: str, open_span: _OpenSpan, clocks: Clocks) -> tuple[Span, ...]:
+        length_s = clocks.monotonic_s - open_span.begin_s
+        if length_s <= 0.0:
             return ()
-        blind = {reason: round(time_s, 3) for reason, time_s in sorted(watched.blind_s.items())}
+        blind = {reason: round(time_s, 3) for reason, time_s in sorted(open_span.blind_s.items())}
         span = Span(
-            round(clocks.wall_s - lasted, 3), round(clocks.wall_s, 3), roi, round(watched.seen_s, 3), blind
+            round(clocks.wall_s - length_s, 3),
+            round(clocks.wall_s, 3),
+            roi,
+            round(open_span.seen_s, 3),
+            blind,
         )
-        watched.begin_s, watched.seen_s, watched.blind_s = clocks.monotonic_s, 0.0, {}
+        open_span.begin_s, open_span.seen_s, open_span.blind_s = clocks.monotonic_s, 0.0, {}
         return (span,)

@@ -10,9 +10,9 @@ from lumpwatch.service.protocol import VerdictReply, VerdictRequest
 from lumpwatch.service.storage import EventLogError, EventWriter, Verdict, raised_alarm, reading
 
 
-def verdict_on(path: Path, roi: str, asked: VerdictRequest, time_s: float) -> Verdict:
+def verdict_on(path: Path, roi: str, request: VerdictRequest, time_s: float) -> Verdict:
     """The verdict that is asked for, on an alarm that the event log at `path` knows. Raises AlarmRequestError."""
-    wanted = asked.evidence if asked.alarm is None else str(asked.alarm)
+    wanted = request.evidence if request.alarm is None else str(request.alarm)
     try:
         with reading(path) as db:
             found = raised_alarm(db, roi, wanted)
@@ -20,7 +20,7 @@ def verdict_on(path: Path, roi: str, asked: VerdictRequest, time_s: float) -> Ve
         raise AlarmRequestError(str(error)) from error
     if found is None:
         raise AlarmRequestError(f"alarm: the event log knows no lump alarm {wanted or ''}".rstrip())
-    return Verdict(time_s, roi, *found, asked.verdict, asked.actor, asked.note or None)
+    return Verdict(time_s, roi, *found, request.verdict, request.actor, request.note or None)
 
 
 def verdict_handler(
@@ -28,11 +28,11 @@ def verdict_handler(
 ) -> Callable[[str, VerdictRequest], bytes]:
     """Answers the verdict requests on a ROI."""
 
-    def handle(roi: str, asked: VerdictRequest) -> bytes:
-        verdict = verdict_on(path, roi, asked, wall())
+    def handle(roi: str, request: VerdictRequest) -> bytes:
+        verdict = verdict_on(path, roi, request, wall())
         written = events.add((verdict,), wait=True)
         return VerdictReply(
-            verdict=verdict.says, sequence=verdict.sequence, alarm=verdict.id, written=written
+            verdict=verdict.outcome, sequence=verdict.sequence, alarm=verdict.id, written=written
         ).line()
 
     return handle

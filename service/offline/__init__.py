@@ -20,7 +20,7 @@ from lumpwatch.service.offline.html import (
 )
 from lumpwatch.service.offline.overlay import OverlayVideo
 from lumpwatch.service.offline.plots import ExistenceCurves, PlotError, draw_prior, new_figure
-from lumpwatch.service.offline.replay import ReplayError, Summary, Watcher, run_replay
+from lumpwatch.service.offline.replay import FrameListener, ReplayError, Summary, run_replay
 from lumpwatch.service.offline.shadow_replay import ReplayShadow
 from lumpwatch.service.offline.shift.figures import Figures, shift_figures
 from lumpwatch.service.offline.shift.page import shift_page
@@ -31,6 +31,7 @@ __all__ = [
     "Backtest",
     "ExistenceCurves",
     "Figures",
+    "FrameListener",
     "OverlayVideo",
     "PlotError",
     "Point",
@@ -40,7 +41,6 @@ __all__ = [
     "Setup",
     "Summary",
     "Terms",
-    "Watcher",
     "archive",
     "boxes_of",
     "draw_backtest",

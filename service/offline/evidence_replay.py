@@ -17,7 +17,7 @@ from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Detection, Frame, PictureQuality
 from lumpwatch.service.detection import CameraPipeline, CameraQuality
 from lumpwatch.service.evidence import Evidence, EvidenceError, decode_state, read_frames
-from lumpwatch.service.offline.replay import Summary, Watcher, run_replay
+from lumpwatch.service.offline.replay import FrameListener, Summary, run_replay
 from lumpwatch.service.protocol import CAMERA, CLIP, PRIOR, STATE, STATES, TIMES
 from lumpwatch.service.storage import Prior, decode_prior
 
@@ -69,7 +69,7 @@ class _Recorded(CameraQuality):
     def picture(self, frame: Frame, now_s: float) -> None:
         """Known already."""
 
-    def look(self, roi: str, gray: Image, time_s: float) -> None:
+    def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """Known already."""
 
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
@@ -80,12 +80,12 @@ class _Recorded(CameraQuality):
         x, y = self.now.offset_px
         return roi.at(roi.x + x, roi.y + y), (x, y)
 
-    def judged(self, roi: str) -> PictureQuality:
+    def current(self, roi: str) -> PictureQuality:
         """What was judged then."""
         return self.now
 
 
-def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...] = ()) -> Compared:
+def replay_evidence(evidence: Evidence, out: Path, listeners: tuple[FrameListener, ...] = ()) -> Compared:
     """Replay it into `out` as any recording, and compare. Raises LumpwatchError."""
     evidence.check()
     meta = evidence.meta
@@ -95,8 +95,8 @@ def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...]
     quality = _Recorded(camera)
 
     def frames() -> Iterator[Frame]:
-        for frame, now_s, judged in read_frames(evidence.folder / CLIP, evidence.folder / TIMES):
-            decided_s[frame.seq], quality.now = now_s, judged
+        for frame, now_s, current in read_frames(evidence.folder / CLIP, evidence.folder / TIMES):
+            decided_s[frame.seq], quality.now = now_s, current
             yield frame
 
     def prepare(pipeline: CameraPipeline) -> None:
@@ -110,7 +110,7 @@ def replay_evidence(evidence: Evidence, out: Path, watchers: tuple[Watcher, ...]
         frames(),
         meta.name,
         out,
-        watchers=watchers,
+        listeners=listeners,
         prepare=prepare,
         decided_s=lambda frame: decided_s[frame.seq],
         quality=quality,

@@ -82,7 +82,7 @@ class _Drops(Unobserved):
         self._into[reason] += 1
 
 
-Watcher = Callable[[Frame, tuple[RoiResult, ...], CameraPipeline], None]
+FrameListener = Callable[[Frame, tuple[RoiResult, ...], CameraPipeline], None]
 """Is shown every frame with what was decided on it: progress, plots, overlays."""
 
 
@@ -94,7 +94,7 @@ def run_replay(
     video: str,
     out: Path,
     *,
-    watchers: Iterable[Watcher] = (),
+    listeners: Iterable[FrameListener] = (),
     prepare: Callable[[CameraPipeline], None] = lambda _: None,
     decided_s: Callable[[Frame], float] = lambda frame: frame.received_s,
     reference: Reference | None = None,
@@ -112,7 +112,7 @@ def run_replay(
         camera, priors, observer=_Drops(summary.dropped), reference=reference, quality=quality
     )
     prepare(pipeline)
-    watching = tuple(watchers)
+    watching = tuple(listeners)
     start_s: float | None = None
     sequences: Counter[str] = Counter()
     try:

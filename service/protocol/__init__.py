@@ -39,7 +39,7 @@ from lumpwatch.service.protocol.records import alarm_event, level_of, record_id,
 from lumpwatch.service.protocol.requests import ActReply, AlarmRequest, Request, read_request
 from lumpwatch.service.protocol.schemas import MESSAGES, message_schema
 from lumpwatch.service.protocol.shadow import SIDES, Counts, ShadowState, Side, summary
-from lumpwatch.service.protocol.verdict import Says, VerdictReply, VerdictRequest
+from lumpwatch.service.protocol.verdict import VerdictOutcome, VerdictReply, VerdictRequest
 
 __all__ = [
     "CAMERA",
@@ -76,12 +76,12 @@ __all__ = [
     "ProofResult",
     "Request",
     "RoiBeat",
-    "Says",
     "ShadowState",
     "Side",
     "StateLine",
     "StateMessage",
     "StoredFile",
+    "VerdictOutcome",
     "VerdictReply",
     "VerdictRequest",
     "alarm_event",

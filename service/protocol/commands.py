@@ -2,7 +2,7 @@
 
 From a row come the key expression, the JSON Schema of the request, the channel in the AsyncAPI document, the rule
 of access control, the label of the metric of refusals, and where it has a `cli` the subcommand of `lumpwatch`.
-A row with an `act` is complete: the monitor does it to the alarm. What the others do needs the store or the proof
+A row with an `action` is complete: the monitor does it to the alarm. What the others do needs the store or the proof
 test and is bound by name in the monitor (`lumpwatch.service.monitor.command_server`).
 """
 
@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from lumpwatch.service.bus import Role
 from lumpwatch.service.core import (
-    Act,
+    AlarmAction,
     acknowledge,
     all_of,
     put_back,
@@ -34,7 +34,7 @@ from lumpwatch.service.protocol.evidence import EvidenceRequest
 from lumpwatch.service.protocol.messages import Record
 from lumpwatch.service.protocol.proof import ProofRequest, ProofResult
 from lumpwatch.service.protocol.requests import ActReply, AlarmRequest, Name, OptionalReason, Reason, Request
-from lumpwatch.service.protocol.verdict import Says, VerdictReply, VerdictRequest
+from lumpwatch.service.protocol.verdict import VerdictOutcome, VerdictReply, VerdictRequest
 
 
 class Lane(StrEnum):
@@ -67,7 +67,7 @@ class Command:
     """What it does, in a sentence."""
     role: Role
     example: Request
-    act: Callable[[Any], Act] | None = None
+    action: Callable[[Any], AlarmAction] | None = None
     """From the request to what is done to the alarm: pure. None: it is about something else."""
     lane: Lane = Lane.ALARMS
     reply: type[Record] | Content = ActReply
@@ -125,7 +125,7 @@ class ServiceRequest(AlarmRequest):
 
     @field_validator("reason")
     @classmethod
-    def _said(cls, reason: str | None, info: ValidationInfo) -> str | None:
+    def _needs_reason(cls, reason: str | None, info: ValidationInfo) -> str | None:
         if info.data.get("state") == "out" and not reason:
             raise PydanticCustomError("missing", "is missing")
         return reason
@@ -144,34 +144,34 @@ class PriorRequest(Request):
     """Ask for the prior in use; it has no parameters."""
 
 
-def _acknowledge(asked: AckRequest) -> Act:
-    return lambda alarm, _, now_s: all_of(acknowledge(alarm, asked.actor, now_s))
+def _acknowledge(request: AckRequest) -> AlarmAction:
+    return lambda alarm, _, now_s: all_of(acknowledge(alarm, request.actor, now_s))
 
 
-def _reset(asked: ResetRequest) -> Act:
-    return lambda alarm, _, now_s: all_of(reset(alarm, asked.actor, now_s))
+def _reset(request: ResetRequest) -> AlarmAction:
+    return lambda alarm, _, now_s: all_of(reset(alarm, request.actor, now_s))
 
 
-def _shelve(asked: ShelveRequest) -> Act:
+def _shelve(request: ShelveRequest) -> AlarmAction:
     return lambda alarm, rules, now_s: all_of(
-        shelve(alarm, rules, now_s, asked.actor, asked.reason, asked.for_s)
+        shelve(alarm, rules, now_s, request.actor, request.reason, request.for_s)
     )
 
 
-def _unshelve(asked: UnshelveRequest) -> Act:
-    return lambda alarm, _, now_s: unshelve(alarm, now_s, asked.actor)
+def _unshelve(request: UnshelveRequest) -> AlarmAction:
+    return lambda alarm, _, now_s: unshelve(alarm, now_s, request.actor)
 
 
-def _service(asked: ServiceRequest) -> Act:
-    if asked.state == "in":
-        return lambda alarm, _, now_s: put_back(alarm, now_s, asked.actor)
-    return lambda alarm, _, now_s: all_of(take_out(alarm, now_s, asked.actor, asked.reason or ""))
+def _service(request: ServiceRequest) -> AlarmAction:
+    if request.state == "in":
+        return lambda alarm, _, now_s: put_back(alarm, now_s, request.actor)
+    return lambda alarm, _, now_s: all_of(take_out(alarm, now_s, request.actor, request.reason or ""))
 
 
-def _suppress(asked: SuppressRequest) -> Act:
-    if asked.valid_s == 0.0:
-        return lambda alarm, _, now_s: unsuppress(alarm, now_s, asked.signal)
-    return lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, asked.signal, asked.valid_s))
+def _suppress(request: SuppressRequest) -> AlarmAction:
+    if request.valid_s == 0.0:
+        return lambda alarm, _, now_s: unsuppress(alarm, now_s, request.signal)
+    return lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, request.signal, request.valid_s))
 
 
 _ROWS = (
@@ -233,7 +233,7 @@ _ROWS = (
         "verdict",
         "Says whether a lump alarm was one.",
         Role.OPERATOR,
-        VerdictRequest(actor="anna", verdict=Says.FALSE, alarm="12", note="dust"),
+        VerdictRequest(actor="anna", verdict=VerdictOutcome.FALSE, alarm="12", note="dust"),
         lane=Lane.STORE,
         reply=VerdictReply,
     ),

@@ -28,7 +28,7 @@ from lumpwatch.service.protocol.messages import (
 from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, LumpAt, Outcome, ProofResult
 from lumpwatch.service.protocol.requests import ActReply
 from lumpwatch.service.protocol.shadow import ShadowState
-from lumpwatch.service.protocol.verdict import Says, VerdictReply
+from lumpwatch.service.protocol.verdict import VerdictOutcome, VerdictReply
 
 _SITE, _CAMERA, _ROI = "north-pit", "crusher-1", "apron"
 _DECIDED = datetime(2026, 3, 14, 5, 9, 26, 535_000, UTC)
@@ -169,7 +169,7 @@ _MODELS: tuple[BaseModel, ...] = (
         sequence=13,
         acknowledged=True,
     ),
-    VerdictReply(verdict=Says.FALSE, sequence=12, alarm="001773464966535-000012", written=True),
+    VerdictReply(verdict=VerdictOutcome.FALSE, sequence=12, alarm="001773464966535-000012", written=True),
     ProofResult(
         site=_SITE,
         camera=_CAMERA,

@@ -95,10 +95,10 @@ def read_request(model: type[_R], parameters: Mapping[str, object], payload: byt
     try:
         return model.model_validate(carried | dict(parameters))
     except ValidationError as error:
-        raise AlarmRequestError(_told(error, model)) from error
+        raise AlarmRequestError(_error_line(error, model)) from error
 
 
-def _told(error: ValidationError, model: type[Request]) -> str:
+def _error_line(error: ValidationError, model: type[Request]) -> str:
     """The first thing that is wrong, in one line."""
     first = error.errors(include_url=False)[0]
     name = " ".join(str(first["loc"][0]).split())[:60] if first["loc"] else ""

@@ -12,7 +12,7 @@ from lumpwatch.service.protocol.messages import Record
 from lumpwatch.service.protocol.requests import Name, OptionalReason, Request
 
 
-class Says(StrEnum):
+class VerdictOutcome(StrEnum):
     """What an operator says of an alarm."""
 
     TRUE = "true"
@@ -25,7 +25,7 @@ class VerdictRequest(Request):
 
     actor: Name
     """Who says it."""
-    verdict: Says
+    verdict: VerdictOutcome
     """What the alarm was."""
     alarm: Name | int | None = None
     """Sequence or id of any of its records."""
@@ -44,7 +44,7 @@ class VerdictRequest(Request):
 class VerdictReply(Record):
     """What became of a verdict."""
 
-    verdict: Says
+    verdict: VerdictOutcome
     """What was said."""
     sequence: int
     """Sequence of the record that raised the alarm."""

@@ -12,14 +12,14 @@ from lumpwatch.service.storage.event_log import (
 )
 from lumpwatch.service.storage.event_log_writer import EventWriter, Retention
 from lumpwatch.service.storage.event_notes import (
-    Says,
     Span,
     Verdict,
+    VerdictOutcome,
     latest_verdicts,
     raised_alarm,
-    watched_spans,
+    uptime_spans,
 )
-from lumpwatch.service.storage.fit_arrays import known_lump, told
+from lumpwatch.service.storage.fit_arrays import encode_fit, known_lump
 from lumpwatch.service.storage.footage_archive import FootageArchive
 from lumpwatch.service.storage.label_file import (
     Box,
@@ -53,15 +53,16 @@ __all__ = [
     "ReferenceMeta",
     "ReferenceStore",
     "Retention",
-    "Says",
     "Span",
     "StateKeeper",
     "StoreError",
     "Verdict",
+    "VerdictOutcome",
     "alarm_of",
     "check_frames",
     "check_owner",
     "decode_prior",
+    "encode_fit",
     "encode_prior",
     "event_file",
     "ignored_frames",
@@ -75,7 +76,6 @@ __all__ = [
     "read_state",
     "reading",
     "replace_file",
-    "told",
-    "watched_spans",
+    "uptime_spans",
     "write_new_file",
 ]

@@ -93,7 +93,7 @@ class EventWriter:
         self._open_log = open_log
         self._retention = retention
         self._log: EventLog | None = None
-        self._told = ""
+        self._last_problem = ""
         self._latest: dict[tuple[str, AlarmClass], Event] = {}
         self.unpublished: list[tuple[str, str, bytes]] = []
         """ROI, id and record of what may not have come on the bus before the last end."""
@@ -206,9 +206,9 @@ class EventWriter:
                 if not damaged or not self._move_aside():
                     return False
             else:
-                if self._told:
+                if self._last_problem:
                     log.info("%s: written again", self._path)
-                self._told = ""
+                self._last_problem = ""
                 return True
         return False
 
@@ -297,6 +297,6 @@ class EventWriter:
     def _tell(self, reason: str, error: Exception) -> None:
         self._observer.event_problem(reason)
         text = f"{self._path}: {reason}: {error}"
-        if text != self._told:  # once, not with every attempt
+        if text != self._last_problem:  # once, not with every attempt
             log.error("event log %s; detection and the bus go on", text)
-        self._told = text
+        self._last_problem = text

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sqlite3 import Connection
 from typing import ClassVar
 
-from lumpwatch.service.protocol import Says as Says
+from lumpwatch.service.protocol import VerdictOutcome as VerdictOutcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Verdict:
     """That of the record that raised the alarm, and of its evidence."""
     sequence: int
     """That of the same record."""
-    says: Says
+    outcome: VerdictOutcome
     actor: str
     note: str | None = None
 
@@ -32,7 +32,7 @@ class Verdict:
 
     def row(self) -> tuple[object, ...]:
         """As `INSERT` wants it."""
-        return self.time_s, self.roi, self.id, self.sequence, self.says.value, self.actor, self.note
+        return self.time_s, self.roi, self.id, self.sequence, self.outcome.value, self.actor, self.note
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,8 @@ def verdicts(db: Connection) -> Iterator[Verdict]:
     """All of them, oldest first."""
     if _has(db, "verdicts"):
         query = "SELECT time_s, roi, id, sequence, verdict, actor, note FROM verdicts ORDER BY number"
-        for time_s, roi, alarm, sequence, says, actor, note in db.execute(query):
-            yield Verdict(time_s, roi, alarm, sequence, Says(says), actor, note)
+        for time_s, roi, alarm, sequence, outcome, actor, note in db.execute(query):
+            yield Verdict(time_s, roi, alarm, sequence, VerdictOutcome(outcome), actor, note)
 
 
 def latest_verdicts(db: Connection) -> dict[tuple[str, str], Verdict]:
@@ -71,7 +71,7 @@ def latest_verdicts(db: Connection) -> dict[tuple[str, str], Verdict]:
     return {(verdict.roi, verdict.id): verdict for verdict in verdicts(db)}
 
 
-def watched_spans(db: Connection, begin_s: float, end_s: float) -> Iterator[Span]:
+def uptime_spans(db: Connection, begin_s: float, end_s: float) -> Iterator[Span]:
     """Those that overlap with a time, in the order in which they were written."""
     if _has(db, "watched"):
         query = (

@@ -22,7 +22,7 @@ class OutdatedError(ValueError):
     """A fit of an older version; the text says what to do."""
 
 
-def told(fit: LumpFit | HistogramFit) -> Arrays:
+def encode_fit(fit: LumpFit | HistogramFit) -> Arrays:
     """The arrays by name."""
     if isinstance(fit, HistogramFit):
         return {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
@@ -41,7 +41,7 @@ def told(fit: LumpFit | HistogramFit) -> Arrays:
     return arrays
 
 
-def known(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | HistogramFit:
+def decode_fit(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | HistogramFit:
     """The fit of a lump's likelihood, or of a histogram's. Raises KeyError or ValueError where it cannot be right."""
     if lump:
         return known_lump(arrays)

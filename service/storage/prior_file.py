@@ -109,7 +109,7 @@ def encode_prior(prior: Prior) -> bytes:
     }
     if np.isfinite(learned.profile.aspect_spread):
         arrays["profile_aspect"] = np.array([learned.profile.aspect_spread])
-    arrays |= fit_arrays.told(fit)
+    arrays |= fit_arrays.encode_fit(fit)
     if learned.birth_places is not None:
         arrays["birth_places"] = learned.birth_places
     if learned.cells is not None:
@@ -182,7 +182,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         arrays["density_values"],
     )
     first, step = arrays["profile_rows"]
-    fit = fit_arrays.known(arrays, lump=meta["likelihood"] == "lump", channel=meta["channel"])
+    fit = fit_arrays.decode_fit(arrays, lump=meta["likelihood"] == "lump", channel=meta["channel"])
     knots, axes = len(arrays["profile_mean"]), len(density.components)
     shapes: dict[str, tuple[int, ...]] = {
         "profile_rows": (2,),

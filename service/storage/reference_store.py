@@ -66,8 +66,8 @@ class Reference:
     def check_fits(self, camera: CameraConfig, width: int, height: int) -> None:
         """Raises BadReferenceError where ROIs or picture are not those that it was learned for."""
         for roi in camera.rois:
-            known = self.meta.polygons.get(roi.id, ())
-            same = len(known) == len(roi.polygon) and np.allclose(known, roi.polygon, atol=1e-6)
+            polygon = self.meta.polygons.get(roi.id, ())
+            same = len(polygon) == len(roi.polygon) and np.allclose(polygon, roi.polygon, atol=1e-6)
             if not same or self.meta.working_size_px.get(roi.id) != roi.detector.working_size_px:
                 raise BadReferenceError(
                     f"reference of camera {camera.id}: was learned for another roi {roi.id}; learn again"
@@ -113,9 +113,9 @@ def decode(content: bytes, name: str) -> Reference:
     try:
         with np.load(io.BytesIO(body), allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in archive.files}
-        told = json.loads(arrays.pop("meta").tobytes())
-        lights = tuple(_light(i, light, arrays) for i, light in enumerate(told["lights"]))
-        meta = ReferenceMeta.model_validate(told["meta"])
+        described = json.loads(arrays.pop("meta").tobytes())
+        lights = tuple(_light(i, light, arrays) for i, light in enumerate(described["lights"]))
+        meta = ReferenceMeta.model_validate(described["meta"])
     except Exception as error:
         # The checksum holds, so this is another program's file: whatever is wrong, it is no reference.
         raise BadReferenceError(
@@ -126,13 +126,13 @@ def decode(content: bytes, name: str) -> Reference:
     return Reference(meta, lights)
 
 
-def _light(i: int, told: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Light:
+def _light(i: int, content: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Light:
     """Numbers and arrays back to their places; raises ValueError where one cannot be right."""
     still = arrays[f"{i}_still"]
     if still.dtype != np.uint8 or still.ndim != 2:
         raise ValueError("the still is no picture")
     regions = {}
-    for k, region in enumerate(told["regions"]):
+    for k, region in enumerate(content["regions"]):
         bounds = [arrays[f"{i}_{k}_{name}"] for name in _PATTERN]
         if any(bound.ndim != 1 or bound.shape != bounds[0].shape for bound in bounds):
             raise ValueError("the pattern has another shape")
@@ -141,7 +141,7 @@ def _light(i: int, told: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
         if set(thresholds) != set(Measure) or not np.isfinite(numbers).all():
             raise ValueError("thresholds are missing or not finite")
         regions[region["roi"]] = RegionReference(float(region["mean"]), usual, thresholds, Pattern(*bounds))
-    return Light(told["name"], still, regions)
+    return Light(content["name"], still, regions)
 
 
 _NUMBERS = ("usual", "thresholds")

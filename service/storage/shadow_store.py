@@ -69,7 +69,7 @@ class StateKeeper:
             self._thread.join(_CLOSE_S)
 
     def _run(self) -> None:
-        told = False
+        logged = False
         while True:
             with self._wake:
                 self._wake.wait_for(lambda: self._waiting or self._closed)
@@ -79,8 +79,8 @@ class StateKeeper:
             path = state_file(self._store, state.camera, state.roi)
             try:
                 replace_file(path, state.line() + b"\n")
-                told = False
+                logged = False
             except OSError as error:
-                if not told:
+                if not logged:
                     log.warning("%s: cannot be written (%s)", path, error.strerror)
-                told = True
+                logged = True

@@ -2,18 +2,19 @@
 
 from lumpwatch.service.telemetry.camera import CameraMetrics
 from lumpwatch.service.telemetry.daemon import DaemonMetrics
+from lumpwatch.service.telemetry.daemon_connection import GRACE_S, STARTING, DaemonConnection, Report, Worker
 from lumpwatch.service.telemetry.http import TelemetryServer
 from lumpwatch.service.telemetry.monitor import MonitorMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
 from lumpwatch.service.telemetry.relay import Relay
 from lumpwatch.service.telemetry.shadow import ShadowMetrics
-from lumpwatch.service.telemetry.worker_link import GRACE_S, STARTING, Report, Worker, WorkerLink
 
 __all__ = [
     "GRACE_S",
     "STARTING",
     "CameraMetrics",
+    "DaemonConnection",
     "DaemonMetrics",
     "MonitorMetrics",
     "PictureMetrics",
@@ -23,5 +24,4 @@ __all__ = [
     "ShadowMetrics",
     "TelemetryServer",
     "Worker",
-    "WorkerLink",
 ]

@@ -63,7 +63,7 @@ class PictureMetrics:
         for roi in rois:
             self._holdoffs.labels(camera, roi)
 
-    def judged(self, roi: str, reason: BlindReason | None, quality: PictureQuality) -> None:
+    def update(self, roi: str, reason: BlindReason | None, quality: PictureQuality) -> None:
         """What is known of a ROI's picture, and why it is BLIND."""
         for candidate in BlindReason:
             self._reason.labels(self._camera, roi, candidate.value).set(candidate is reason)
@@ -73,7 +73,7 @@ class PictureMetrics:
             self._threshold.labels(self._camera, roi, measure.value).set(value)
         self._holdoffs.labels(self._camera, roi).inc(self._newly(f"holdoffs {roi}", quality.holdoffs))
 
-    def mounted(self, reference: int, shift_px: tuple[float, float] | None, follows: int) -> None:
+    def shifted(self, reference: int, shift_px: tuple[float, float] | None, follows: int) -> None:
         """The reference in use, and where the camera looks."""
         self._reference.labels(self._camera).set(reference)
         self._shift.labels(self._camera).set(math.hypot(*(shift_px or (0.0, 0.0))))

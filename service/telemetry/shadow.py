@@ -80,7 +80,7 @@ class ShadowMetrics:
         """Which version runs; 0: none does."""
         self._version.labels(self._camera, roi).set(version)
 
-    def shadow_judges(self, roi: str, existence: float) -> None:
+    def shadow_decided(self, roi: str, existence: float) -> None:
         """The probability of a lump by the shadow."""
         self._existence.labels(self._camera, roi).set(existence)
 

@@ -1,6 +1,6 @@
 """From labelled footage to a prior, judged and reported."""
 
-from lumpwatch.service.training.acceptance import Taken, objection_to, take
+from lumpwatch.service.training.acceptance import Acceptance, accept, objection_to
 from lumpwatch.service.training.coverage import coverage_warnings, validation_warnings
 from lumpwatch.service.training.cross_validation import Validation, cross_validate
 from lumpwatch.service.training.dataset import Material, clips_of, gather
@@ -17,12 +17,13 @@ from lumpwatch.service.training.sources import missing_sources, sources_text
 
 __all__ = [
     "TRIALS",
+    "Acceptance",
     "ConfirmedClip",
     "Material",
     "Recording",
-    "Taken",
     "Trained",
     "Validation",
+    "accept",
     "accept_proposals",
     "clips_of",
     "contact_sheet",
@@ -39,7 +40,6 @@ __all__ = [
     "refine",
     "sources_text",
     "suggest",
-    "take",
     "tempered",
     "to_text",
     "training_report",

@@ -14,7 +14,7 @@ from lumpwatch.service.training.cross_validation import Validation
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class Acceptance:
     """What became of a training."""
 
     prior: Prior
@@ -23,14 +23,14 @@ class Taken:
     """Why it is not in use; None where it is, or runs in shadow as was wanted."""
 
 
-def take(
+def accept(
     store: PriorStore,
     prior: Prior,
     judge: Callable[[Prior], str | None],
     *,
     shadow: bool = False,
     use_anyway: bool = False,
-) -> Taken:
+) -> Acceptance:
     """Store a prior, have it judged, then use it or run it in shadow. Raises StoreError, and what `judge` raises.
 
     `judge` is given the stored version and says what speaks against its use, which `use_anyway` overrides. A
@@ -44,8 +44,8 @@ def take(
     elif objection is None or use_anyway:
         store.use(camera, roi, stored.version)
     else:
-        return Taken(stored, objection)
-    return Taken(stored, None)
+        return Acceptance(stored, objection)
+    return Acceptance(stored, None)
 
 
 def objection_to(validation: Validation | None) -> str | None:

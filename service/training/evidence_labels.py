@@ -22,7 +22,7 @@ from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import Evidence, read_frames, write_clip, write_video
 from lumpwatch.service.offline import load_camera
 from lumpwatch.service.protocol import CLIP, STATES, TIMES
-from lumpwatch.service.storage import Says, Verdict
+from lumpwatch.service.storage import Verdict, VerdictOutcome
 
 _NOTHING = "# a false alarm: no lump\n"
 
@@ -40,28 +40,28 @@ class Exported:
 
 def export(judged: Mapping[str, tuple[Evidence, Verdict]], out: Path) -> Exported:
     """Write clips and labels of the evidence by name. Raises LumpwatchError."""
-    exported, told = Exported(), []
+    exported, entries = Exported(), []
     for name, (evidence, verdict) in sorted(judged.items()):
-        if verdict.says is Says.UNSURE:
+        if verdict.outcome is VerdictOutcome.UNSURE:
             exported.unsure += 1
             continue
         evidence.check()
         labels = _NOTHING
-        if verdict.says is Says.TRUE:
+        if verdict.outcome is VerdictOutcome.TRUE:
             labels = track_labels(evidence.read(STATES), load_camera(evidence))
             if not labels:
                 exported.without_track += 1
                 continue
-        base = out / verdict.says.value / name.replace("/", ".")
+        base = out / verdict.outcome.value / name.replace("/", ".")
         _write(base, evidence, labels)
-        told.append(_told(base, out, evidence, verdict))
-        if verdict.says is Says.TRUE:
+        entries.append(_entry(base, out, evidence, verdict))
+        if verdict.outcome is VerdictOutcome.TRUE:
             exported.true += 1
         else:
             exported.false += 1
     try:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "verdicts.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        (out / "verdicts.json").write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise LumpwatchError(f"{error.filename or out}: cannot be written ({error.strerror})") from error
     return exported
@@ -102,12 +102,12 @@ def _write(base: Path, evidence: Evidence, labels: str) -> None:
         raise LumpwatchError(f"{video}: cannot be written ({error.strerror})") from error
 
 
-def _told(base: Path, out: Path, evidence: Evidence, verdict: Verdict) -> dict[str, Any]:
+def _entry(base: Path, out: Path, evidence: Evidence, verdict: Verdict) -> dict[str, Any]:
     meta = evidence.meta
     return {
         "clip": str(base.relative_to(out)) + ".mkv",
         "labels": str(base.relative_to(out)) + ".txt",
-        "verdict": verdict.says.value,
+        "verdict": verdict.outcome.value,
         "by": verdict.actor,
         "note": verdict.note,
         "camera": meta.camera,

@@ -55,35 +55,35 @@ def refine(
 
 def joined_footage(clips: Sequence[ConfirmedClip]) -> tuple[Iterator[Frame], tuple[Box, ...]]:
     """All clips as one recording with its labels; raises LumpwatchError where they do not go together."""
-    looked = [_look(clip) for clip in clips]
-    for clip, seen in zip(clips[1:], looked[1:], strict=True):
-        if seen.size != looked[0].size:
+    summaries = [_summary_of(clip) for clip in clips]
+    for clip, summary in zip(clips[1:], summaries[1:], strict=True):
+        if summary.size != summaries[0].size:
             raise TrainingError(
-                f"{clip.name}: has pictures of {seen.size[0]}x{seen.size[1]}, "
-                f"{clips[0].name} of {looked[0].size[0]}x{looked[0].size[1]}"
+                f"{clip.name}: has pictures of {summary.size[0]}x{summary.size[1]}, "
+                f"{clips[0].name} of {summaries[0].size[0]}x{summaries[0].size[1]}"
             )
-        if abs(seen.interval_s / looked[0].interval_s - 1.0) > _RATE_TOLERANCE:
+        if abs(summary.interval_s / summaries[0].interval_s - 1.0) > _RATE_TOLERANCE:
             raise TrainingError(
-                f"{clip.name}: has {1 / seen.interval_s:.1f} frames a second, "
-                f"{clips[0].name} {1 / looked[0].interval_s:.1f}"
+                f"{clip.name}: has {1 / summary.interval_s:.1f} frames a second, "
+                f"{clips[0].name} {1 / summaries[0].interval_s:.1f}"
             )
     boxes: list[Box] = []
     first, tracks = 0, 0
-    for clip, seen in zip(clips, looked, strict=True):
+    for clip, summary in zip(clips, summaries, strict=True):
         numbers = {track: tracks + k for k, track in enumerate(sorted({box.track for box in clip.boxes}), 1)}
         boxes += [replace(box, frame=box.frame + first, track=numbers[box.track]) for box in clip.boxes]
-        first, tracks = first + seen.count, tracks + len(numbers)
+        first, tracks = first + summary.count, tracks + len(numbers)
     return _joined(clips), tuple(boxes)
 
 
 @dataclass(frozen=True, slots=True)
-class _Looked:
+class _ClipSummary:
     count: int
     interval_s: float
     size: tuple[int, int]
 
 
-def _look(clip: ConfirmedClip) -> _Looked:
+def _summary_of(clip: ConfirmedClip) -> _ClipSummary:
     """How long a clip is and how it was taken; raises LumpwatchError naming the clip."""
     times, size = [], (0, 0)
     try:
@@ -99,7 +99,7 @@ def _look(clip: ConfirmedClip) -> _Looked:
         raise TrainingError(f"{clip.name}: its frames carry no advancing time stamps")
     if clip.boxes:
         check_frames(clip.boxes, len(times), Path(clip.name), "the clip")
-    return _Looked(len(times), interval_s, size)
+    return _ClipSummary(len(times), interval_s, size)
 
 
 def _joined(clips: Sequence[ConfirmedClip]) -> Iterator[Frame]:

@@ -120,13 +120,13 @@ def test_a_client_may_start_before_its_hub() -> None:
 def test_a_client_knows_whether_its_hub_is_there() -> None:
     endpoint = free_endpoint()
     with Child("hub", endpoint) as hub, open_client(client_config(endpoint)) as client:
-        assert client.linked
+        assert client.connected
         hub.process.kill()
         hub.process.wait()
-        eventually(lambda: not client.linked)
+        eventually(lambda: not client.connected)
         with Child("hub", endpoint):
-            eventually(lambda: client.linked)
-    assert not client.linked
+            eventually(lambda: client.connected)
+    assert not client.connected
 
 
 def test_a_closed_bus_says_so() -> None:

@@ -37,13 +37,13 @@ FRAMES = 50
 class Camera(contextlib.ExitStack):
     """An RtspSource with what it counted."""
 
-    def __init__(self, url: str, want: Any = "gray8", **config: Any) -> None:
+    def __init__(self, url: str, encoding: Any = "gray8", **config: Any) -> None:
         super().__init__()
         self.counts: Counter[str] = Counter()
         self.source = RtspSource(
             SourceConfig(url=SecretStr(url), **{"open_timeout_s": 20.0, **config}),
             "c1",
-            want,
+            encoding,
             count=lambda reason: self.counts.update([reason]),
             monotonic=time.monotonic,
             wall=time.time,
@@ -132,7 +132,7 @@ def test_frames_of_our_server(clips: dict[Codec, Path], codec: Codec, transport:
 def test_frames_of_a_gstreamer_server(clips: dict[Codec, Path], codec: Codec) -> None:
     if reason := gst_missing():
         pytest.skip(reason)
-    with GstServer(clips[codec], codec) as server, Camera(server.url, want="i420").opened() as camera:
+    with GstServer(clips[codec], codec) as server, Camera(server.url, encoding="i420").opened() as camera:
         frames = camera.read(40)
         assert frames[0].data.shape == (96, 96)
         gaps = [b.capture_s - a.capture_s for a, b in pairwise(frames[-20:])]

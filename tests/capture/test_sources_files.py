@@ -41,13 +41,13 @@ class Clock:
 
 
 class Player:
-    def __init__(self, path: Path, want: Any = "gray8", **config: Any) -> None:
+    def __init__(self, path: Path, encoding: Any = "gray8", **config: Any) -> None:
         self.clock = Clock()
         self.counts: Counter[str] = Counter()
         self.source: Source = make_source(
             SourceConfig(url=SecretStr(str(path)), **config),
             "c1",
-            want,
+            encoding,
             count=lambda reason: self.counts.update([reason]),
             monotonic=self.clock.monotonic,
             wall=self.clock.wall,
@@ -185,7 +185,7 @@ def test_numbers_go_on_when_opened_again(clip: Path) -> None:
 @pytest.mark.parametrize("codec", ["h265", "mjpeg"])
 def test_other_codecs_and_colour(tmp_path: Path, codec: Any) -> None:
     clip = write_clip(tmp_path / "clip.mkv", codec=codec, frames=4)
-    frames = list(Player(clip, want="i420", pace=False).frames())
+    frames = list(Player(clip, encoding="i420", pace=False).frames())
     assert [number(f) for f in frames] == [0, 1, 2, 3]
     assert frames[0].data.shape == (96, 96)
     assert (frames[0].height, frames[0].encoding) == (64, "i420")
@@ -321,7 +321,7 @@ def test_images_come_in_natural_order_at_ten_a_second(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", [".jpg", ".bmp", ".tiff", ".webp"])
 def test_image_formats(tmp_path: Path, suffix: str) -> None:
     write_pictures(tmp_path / "p", ["1", "2"], suffix)
-    frames = list(Player(tmp_path / "p", want="i420", pace=False, fps=2.0).frames())
+    frames = list(Player(tmp_path / "p", encoding="i420", pace=False, fps=2.0).frames())
     assert [number(f) for f in frames] == [0, 1]
     assert frames[1].capture_s - frames[0].capture_s == 0.5
 

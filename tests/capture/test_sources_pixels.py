@@ -56,8 +56,8 @@ def test_rgb_becomes_full_range_luma() -> None:
     rgb = np.zeros((16, 16, 3), np.uint8)
     rgb[:8] = 255
     rgb[8:, 8:] = (255, 0, 0)
-    for want in ("gray8", "i420"):
-        luma = extract(av.VideoFrame.from_ndarray(rgb, format="rgb24"), want)[:16].astype(int)
+    for encoding in ("gray8", "i420"):
+        luma = extract(av.VideoFrame.from_ndarray(rgb, format="rgb24"), encoding)[:16].astype(int)
         assert abs(luma[:8] - 255).max() <= 1
         assert abs(luma[8:, :8]).max() <= 1
         assert abs(luma[8:, 8:] - 76).max() <= 1  # 0.299 * 255

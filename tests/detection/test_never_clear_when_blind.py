@@ -58,7 +58,7 @@ def test_clear_needs_a_picture_that_is_young_enough(events: list[tuple[float, st
         results = target.process(last, now) if last is not None and kind != "nothing" else ()
         if last is not None and results:
             newest, received = last.capture_s, now
-        for result in results or target.look(now):
+        for result in results or target.poll(now):
             young = newest is not None and max(now - newest, now - received) <= CONFIG.blind_after_s
             assert (result.decision is not Decision.BLIND) == young
 
@@ -121,7 +121,7 @@ class Feed:
         self.k += 1
         self.seq += 10 if kind == "skipping" else 1
         if kind == "silent":
-            return self.pipeline.look(self.now)
+            return self.pipeline.poll(self.now)
         detector = self.pipeline.detector("apron")
         if detector is not None:
             wanted = {"starved": Starving, "failing": Failing}.get(kind, JdtDetector)
@@ -132,7 +132,7 @@ class Feed:
         then = self.now - (0.8 if kind == "late" else 0.0)
         (one,) = frames(iter([shown]), self.seq)
         taken = self.pipeline.process(replace(one, capture_s=then, received_s=then), self.now)
-        return taken or self.pipeline.look(self.now)
+        return taken or self.pipeline.poll(self.now)
 
 
 @pytest.mark.slow

@@ -189,7 +189,7 @@ def test_after_a_long_gap_the_search_starts_anew() -> None:
 
 
 def test_blind_before_the_first_frame() -> None:
-    (result,) = pipeline().look(5.0)
+    (result,) = pipeline().poll(5.0)
     assert (result.decision, result.reason, result.frame, result.decided) == (
         Decision.BLIND,
         BlindReason.STARTING,
@@ -202,8 +202,8 @@ def test_blind_before_the_first_frame() -> None:
 def test_blind_when_frames_stop_coming() -> None:
     target = pipeline()  # blind_after_s is 1
     feed(target, scene(5, 0))  # the last at 0.4 s
-    assert target.look(1.4)[0].decision is Decision.CLEAR
-    (result,) = target.look(1.41)
+    assert target.poll(1.4)[0].decision is Decision.CLEAR
+    (result,) = target.poll(1.41)
     assert (result.decision, result.reason) == (Decision.BLIND, BlindReason.NO_STREAM)
     (result,) = target.process(frame(20), 2.0)
     assert (result.decision, result.reason) == (Decision.CLEAR, None)
@@ -213,7 +213,7 @@ def test_duplicates_do_not_keep_the_picture_alive() -> None:
     target = pipeline()
     feed(target, scene(5, 0))
     assert target.process(frame(5, time_s=0.4, received_s=1.5), 1.5) == ()
-    assert target.look(1.5)[0].reason is BlindReason.NO_STREAM
+    assert target.poll(1.5)[0].reason is BlindReason.NO_STREAM
 
 
 def test_blind_when_pictures_are_old_though_they_come() -> None:
@@ -228,7 +228,7 @@ def test_blind_when_pictures_are_old_though_they_come() -> None:
 def test_blindness_does_not_touch_the_alarm() -> None:
     target = pipeline()
     feed(target, scene(0, 20))
-    (result,) = target.look(60.0)
+    (result,) = target.poll(60.0)
     assert result.decision is Decision.BLIND
     assert result.alarm.state is AlarmState.UNACKNOWLEDGED
 
@@ -263,7 +263,7 @@ def test_a_filter_that_fails_is_blind_and_recovers(caplog: pytest.LogCaptureFixt
     assert (apron.decision, apron.reason, apron.decided) == (Decision.BLIND, BlindReason.FILTER, False)
     assert (chute.decision, chute.reason, chute.decided) == (Decision.LUMP, None, True)
     assert "camera cam, roi apron: the filter failed" in caplog.text
-    assert target.look(2.05)[0].reason is BlindReason.FILTER
+    assert target.poll(2.05)[0].reason is BlindReason.FILTER
     assert apron.alarm.state is AlarmState.UNACKNOWLEDGED
     later = [target.process(frame(k, bright=True), k / 10)[0] for k in range(21, 35)]
     assert all(r.reason is None and r.decided for r in later)
@@ -314,7 +314,7 @@ def test_a_roi_that_does_not_fit_is_blind_and_says_why_once(caplog: pytest.LogCa
     assert {(r.decision, r.reason, r.decided) for r in results} == {
         (Decision.BLIND, BlindReason.UNFIT, False)
     }
-    assert target.look(7.95)[0].reason is BlindReason.UNFIT
+    assert target.poll(7.95)[0].reason is BlindReason.UNFIT
     told = [record.getMessage() for record in caplog.records if "apron" in record.getMessage()]
     assert len(told) == 1
     assert "camera cam, roi apron" in told[0]
@@ -513,9 +513,9 @@ def blind_changes(results: tuple[RoiResult, ...]) -> list[tuple[str, str | None]
 def test_blindness_that_lasts_is_an_alarm_of_its_own() -> None:
     target = pipeline()  # blind after 1 s, alarm after 5 s of that
     feed(target, scene(5, 0))  # the last at 0.4 s
-    made = [(k / 10, *one) for k in range(15, 100) for one in blind_changes(target.look(k / 10))]
+    made = [(k / 10, *one) for k in range(15, 100) for one in blind_changes(target.poll(k / 10))]
     assert made == [(6.5, "raised", "no_stream")]
-    result = target.look(10.0)[0]
+    result = target.poll(10.0)[0]
     assert (result.decision, result.blind_alarm.state) == (Decision.BLIND, AlarmState.UNACKNOWLEDGED)
     assert result.alarm.state is AlarmState.NORMAL
     result = target.acknowledge("apron", "Ada", 10.1, AlarmClass.BLIND)
@@ -527,21 +527,21 @@ def test_blindness_that_lasts_is_an_alarm_of_its_own() -> None:
 def test_a_short_blindness_is_no_alarm() -> None:
     target = pipeline()
     feed(target, scene(5, 0))
-    assert [one for k in range(15, 60) for one in blind_changes(target.look(k / 10))] == []
+    assert [one for k in range(15, 60) for one in blind_changes(target.poll(k / 10))] == []
 
 
 def test_a_shelving_ends_by_itself_without_frames() -> None:
     target = pipeline()
     feed(target, scene(0, 20))
-    shelved = target.act(
+    shelved = target.apply(
         "apron",
         AlarmClass.LUMP,
         lambda alarm, rules, now_s: all_of(shelve(alarm, rules, now_s, "Ada", "dust", 3.0)),
         2.0,
     )
     assert (shelved.alarm.state, shelved.decision) == (AlarmState.SHELVED, Decision.LUMP)
-    assert target.look(4.9)[0].changes == ()
-    (result,) = target.look(5.0)
+    assert target.poll(4.9)[0].changes == ()
+    (result,) = target.poll(5.0)
     assert [(one.transition.change, one.priority) for one in result.changes] == [
         (Change.UNSHELVED, "high"),
         (Change.RAISED, "high"),
@@ -557,7 +557,7 @@ def test_alarms_of_before_a_restart_go_on() -> None:
         ("gone", AlarmClass.LUMP): waiting,
     }
     target = CameraPipeline(camera(), {"apron": prior()}, alarms=alarms)
-    (result,) = target.look(0.0)
+    (result,) = target.poll(0.0)
     assert (result.alarm, result.blind_alarm.state) == (waiting, AlarmState.RETURNED)
     results = feed(target, scene(0, 30))
     assert results[-1].alarm.state is AlarmState.UNACKNOWLEDGED
@@ -578,35 +578,35 @@ def test_a_trouble_is_an_alarm_and_another_one_announces_it_again() -> None:
     target = pipeline()
     feed(target, scene(5, 0))
     target.trouble("apron", Trouble.LATENCY, present=True)
-    (result,) = target.look(0.5)
+    (result,) = target.poll(0.5)
     assert system_changes(result) == [("raised", "latency")]
     assert (result.decision, result.alarm.state) == (Decision.CLEAR, AlarmState.NORMAL)  # it still judges
-    (result,) = target.look(0.6)
+    (result,) = target.poll(0.6)
     assert result.changes == ()
     result = target.acknowledge("apron", "Ada", 0.7, AlarmClass.SYSTEM)
     assert result.alarms[AlarmClass.SYSTEM].state is AlarmState.ACKNOWLEDGED
     target.trouble("apron", Trouble.PROOF_TEST, present=True)
-    (result,) = target.look(0.8)
+    (result,) = target.poll(0.8)
     assert system_changes(result) == [("re_alarmed", "latency, proof_test")]
     assert result.alarms[AlarmClass.SYSTEM].state is AlarmState.UNACKNOWLEDGED
     target.trouble("apron", Trouble.PROOF_TEST, present=False)
-    assert system_changes(target.look(0.9)[0]) == []
+    assert system_changes(target.poll(0.9)[0]) == []
     target.trouble("apron", Trouble.LATENCY, present=False)
-    made = [(k / 10, *one) for k in range(10, 40) for one in system_changes(target.look(k / 10)[0])]
+    made = [(k / 10, *one) for k in range(10, 40) for one in system_changes(target.poll(k / 10)[0])]
     assert made == [(3.0, "cleared", None)]  # after 2 s without a trouble
 
 
 def test_a_shelved_system_alarm_is_not_announced() -> None:
     target = pipeline()
     feed(target, scene(5, 0))
-    target.act(
+    target.apply(
         "apron",
         AlarmClass.SYSTEM,
         lambda alarm, rules, now_s: all_of(shelve(alarm, rules, now_s, "Ada", "slow network", 3.0)),
         0.4,
     )
     target.trouble("apron", Trouble.LATENCY, present=True)
-    assert system_changes(target.look(0.5)[0]) == [("active", "latency")]
+    assert system_changes(target.poll(0.5)[0]) == [("active", "latency")]
     target.trouble("apron", Trouble.PROOF_TEST, present=True)
-    assert system_changes(target.look(0.6)[0]) == []
-    assert system_changes(target.look(3.4)[0]) == [("unshelved", "expired"), ("raised", None)]
+    assert system_changes(target.poll(0.6)[0]) == []
+    assert system_changes(target.poll(3.4)[0]) == [("unshelved", "expired"), ("raised", None)]

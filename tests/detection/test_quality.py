@@ -19,7 +19,7 @@ from lumpwatch.service.config.quality import QualityConfig
 from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
-from lumpwatch.service.detection.camera_shift import Mount
+from lumpwatch.service.detection.camera_shift import CameraShift
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.storage.reference_store import (
     BadReferenceError,
@@ -109,7 +109,7 @@ def test_gross_faults_are_found_without_a_reference(
     assert reason in {one.reason for one in found[50:100]}
     assert found[99].decision is Decision.BLIND
     assert found[49].reason is found[149].reason is None
-    assert pipeline.quality.mount.shift_px is None
+    assert pipeline.quality.shift.shift_px is None
 
 
 @pytest.mark.parametrize("interval_s", [0.5, 1.6, 2.9])
@@ -147,12 +147,12 @@ def test_what_is_switched_off_is_not_found() -> None:
 
 def test_a_small_shift_is_followed_and_its_objects_stay_where_they_are() -> None:
     shifted, pipeline = results(lambda p, k: np.roll(p, (2, 3), (0, 1)), end=150)
-    assert pipeline.quality.mount.followed_px == (3, 2)
-    assert pipeline.quality.mount.follows == 1
+    assert pipeline.quality.shift.followed_px == (3, 2)
+    assert pipeline.quality.shift.follows == 1
     assert {one.reason for one in shifted} == {None}
     detector = pipeline.detector("apron")
     assert detector is not None
-    roi, offset = pipeline.quality.mount.placed(detector.roi, WIDTH, HEIGHT)
+    roi, offset = pipeline.quality.shift.placed(detector.roi, WIDTH, HEIGHT)
     assert offset == (3, 2)
     assert (roi.x, roi.y) == (detector.roi.x + 3, detector.roi.y + 2)
     assert np.allclose(roi.corners, detector.roi.corners + np.array([3, 2]))
@@ -160,27 +160,27 @@ def test_a_small_shift_is_followed_and_its_objects_stay_where_they_are() -> None
 
 def test_a_region_goes_back_to_where_it_was_with_the_camera() -> None:
     _, pipeline = results(lambda p, k: np.roll(p, (2, 3), (0, 1)), end=100, count=160)
-    assert (pipeline.quality.mount.followed_px, pipeline.quality.mount.follows) == ((0, 0), 2)
+    assert (pipeline.quality.shift.followed_px, pipeline.quality.shift.follows) == ((0, 0), 2)
 
 
 def test_what_is_left_of_a_shift_once_the_camera_is_back_is_the_error_of_the_estimate() -> None:
     # A still that was learned half a pixel of the thumbnail off: no estimate ever is 0, 0.
-    mount = Mount("cam", QualityConfig())
+    shift = CameraShift("cam", QualityConfig())
     rois = {"apron": make_roi(CONFIG.rois[0].polygon, WIDTH, HEIGHT, 320)}
     (light,) = REFERENCE.lights
     matrix = np.array([[1.0, 0.0, 0.45], [0.0, 1.0, 0.45]])
     off = np.asarray(cv2.warpAffine(light.still, matrix, light.still.shape[::-1]), np.uint8)
-    mount.fit(rois, WIDTH, HEIGHT, replace(REFERENCE, lights=(replace(light, still=off),)))
+    shift.fit(rois, WIDTH, HEIGHT, replace(REFERENCE, lights=(replace(light, still=off),)))
     places = []
     for k, one in enumerate(
         frames(np.roll(belt(k), (3, 3) if k < 60 else (0, 0), (0, 1)) for k in range(150))
     ):
-        mount.see(one, 0)
-        places.append(mount.followed_px)
-        assert not mount.lost, k
+        shift.observe(one, 0)
+        places.append(shift.followed_px)
+        assert not shift.lost, k
     assert places[59] != (0, 0)
-    assert mount.shift_px is not None
-    assert max(abs(one) for one in mount.shift_px) > 0.5  # which would be rounded to a pixel
+    assert shift.shift_px is not None
+    assert max(abs(one) for one in shift.shift_px) > 0.5  # which would be rounded to a pixel
     assert places[-1] == (0, 0)
 
 
@@ -189,7 +189,7 @@ def test_a_region_does_not_follow_beyond_the_picture() -> None:
     detector = pipeline.detector("apron")
     assert detector is not None
     at_the_edge = detector.roi.at(0, 1)
-    assert pipeline.quality.mount.placed(at_the_edge, WIDTH, HEIGHT)[1] == (0, -1)
+    assert pipeline.quality.shift.placed(at_the_edge, WIDTH, HEIGHT)[1] == (0, -1)
 
 
 def test_a_cut_frame_gives_the_same_results_with_a_camera_that_moved() -> None:
@@ -202,7 +202,7 @@ def test_a_cut_frame_gives_the_same_results_with_a_camera_that_moved() -> None:
         assert cut.crop is not None
         (a,), (b,) = whole.process(one, one.received_s), parts.process(cut, one.received_s)
         assert (a.reason, a.existence, a.quality) == (b.reason, b.existence, b.quality)
-    assert parts.quality.mount.followed_px == (3, 2)
+    assert parts.quality.shift.followed_px == (3, 2)
 
 
 def test_a_thumbnail_travels_as_it_is() -> None:
@@ -291,7 +291,7 @@ def test_a_starved_filter_is_blind() -> None:
         checks.fit({"apron": detector.roi}, WIDTH, HEIGHT, None)
         for k in range(60):
             checks.filtered("apron", replace(result.detection, effective_particles=effective), k / FPS)
-        assert checks.judged("apron").reason is reason, effective
+        assert checks.current("apron").reason is reason, effective
 
 
 # Footage and the store

@@ -456,7 +456,7 @@ def test_a_replay_counts_the_same_and_decides_the_same(tmp_path: Path) -> None:
     for name in ("once", "again"):
         shadow = ReplayShadow(camera(), store, 2)
         run_replay(
-            "pit", camera(), priors, scene(10, 20, 80), "clip.mp4", tmp_path / name, watchers=[shadow.watch]
+            "pit", camera(), priors, scene(10, 20, 80), "clip.mp4", tmp_path / name, listeners=[shadow.watch]
         )
         shadow.save(tmp_path / name / "shadow.json")
         files.append((tmp_path / name / "shadow.json").read_bytes())

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from lumpwatch.service.detection.shadow.budget import Budget
-from lumpwatch.service.detection.shadow.differences import Differences, Found
+from lumpwatch.service.detection.shadow.differences import Difference, Differences
 from lumpwatch.service.protocol.shadow import Counts
 
 
@@ -83,7 +83,7 @@ def test_each_alarm_is_told_once() -> None:
     target = Differences(3.0, 10.0)
     steps = [(0, 0, 0), (1, 0, 1), (2, 1, 1), (3, 0, 0), (4, 0, 1), (7, 0, 0), (8, 0, 0)]
     told = [one for time_s, ours, theirs in steps for one in target.step(time_s, bool(ours), bool(theirs))]
-    assert told == [Found("both", 1, 1.0), Found("only_shadow", 4)]
+    assert told == [Difference("both", 1, 1.0), Difference("only_shadow", 4)]
 
 
 def test_counting_goes_on_from_what_was_kept() -> None:

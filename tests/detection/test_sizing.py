@@ -13,7 +13,7 @@ from lumpwatch.service.config import parse_config
 from lumpwatch.service.config.calibration import CalibrationConfig
 from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize
 from lumpwatch.service.detection.sizing import (
-    MOST_LOOKS,
+    MOST_INDEPENDENT,
     SETTLING_SPREAD,
     SHAPE_FACTOR,
     SHAPE_SPREAD,
@@ -106,7 +106,7 @@ def test_the_interval_of_a_new_box_is_wider_until_it_has_settled() -> None:
         variances.append((log(size.high_mm / size.low_mm) / (2 * 1.6449)) ** 2)
     measuring = variances[0] - SETTLING_SPREAD**2 - SHAPE_SPREAD**2
     assert measuring > 0
-    assert variances[-1] == pytest.approx(SHAPE_SPREAD**2 + measuring / MOST_LOOKS, rel=1e-3)
+    assert variances[-1] == pytest.approx(SHAPE_SPREAD**2 + measuring / MOST_INDEPENDENT, rel=1e-3)
 
 
 def test_a_lump_that_is_not_whole_in_the_picture_keeps_its_size() -> None:

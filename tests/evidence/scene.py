@@ -19,7 +19,7 @@ from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.evidence.files import write_files
 from lumpwatch.service.evidence.folder import Evidence, read_evidence
-from lumpwatch.service.evidence.recorder import Clip, Kept, Recorder, Trigger
+from lumpwatch.service.evidence.recorder import Clip, Moment, Recorder, Trigger
 from lumpwatch.service.protocol.records import record_id
 from lumpwatch.service.storage.prior_file import Prior
 from tests.service_helpers import HEIGHT, INTERVAL_S, WIDTH, frame
@@ -96,7 +96,7 @@ class Scene:
         now_s = one.received_s + LATENCY_S
         before = self.pipeline.snapshots() if self.recorder.wants_state(one) else None
         results = self.pipeline.process(one, now_s)
-        self.recorder.add(Kept(one, now_s, results), before)
+        self.recorder.add(Moment(one, now_s, results), before)
         self.told(results, now_s)
 
     def told(self, results: tuple[RoiResult, ...], now_s: float) -> None:

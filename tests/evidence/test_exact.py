@@ -16,7 +16,7 @@ from lumpwatch.service.core.alarm import AlarmClass
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.detectors.base import FilterState, StateMismatchError
 from lumpwatch.service.detection.detectors.make import make_detector
-from lumpwatch.service.detection.sizing import Looks
+from lumpwatch.service.detection.sizing import SizeTrack
 from lumpwatch.service.detection.snapshot import Snapshot
 from lumpwatch.service.evidence.clip import ClipError, read_frames, read_pictures
 from lumpwatch.service.evidence.folder import EvidenceError, read_evidence
@@ -177,7 +177,7 @@ def test_a_state_is_the_same_after_a_file() -> None:
     state = scene.pipeline.snapshots()["apron"]
     assert state.filter is not None
     assert state.filter.plain["tracks"]
-    assert state.looks
+    assert state.sizes
     again = decode_state(encode_state(state), "state.npz", state.prior)
     assert again.filter is not None
     assert again.filter.plain == state.filter.plain
@@ -185,7 +185,7 @@ def test_a_state_is_the_same_after_a_file() -> None:
     for name, array in state.filter.arrays.items():
         assert same(again.filter.arrays[name], array), name
     assert replace(again, filter=None) == replace(state, filter=None)
-    assert all(isinstance(one, Looks) for one in again.looks.values())
+    assert all(isinstance(one, SizeTrack) for one in again.sizes.values())
 
 
 def test_a_state_that_was_taken_does_not_change_with_the_filter() -> None:

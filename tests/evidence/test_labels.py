@@ -23,7 +23,7 @@ from lumpwatch.service.evidence.files import write_files
 from lumpwatch.service.evidence.store import EvidenceStore
 from lumpwatch.service.offline.backtest.archive import archive
 from lumpwatch.service.storage.event_log import EventLog, event_file
-from lumpwatch.service.storage.event_notes import Says, Verdict
+from lumpwatch.service.storage.event_notes import Verdict, VerdictOutcome
 from lumpwatch.service.storage.label_file import read_labels
 from lumpwatch.service.training.evidence_labels import track_labels
 from lumpwatch.service.training.footage import read_footage
@@ -75,12 +75,15 @@ def judged(tmp_path: Path) -> Path:
     scene.show(2.5, lambda k: moving(k, visible=True))
     store = EvidenceStore(tmp_path / "var")
     log = EventLog(event_file(tmp_path / "var", "cam"))
-    said = [Says.TRUE, Says.FALSE, Says.UNSURE, Says.TRUE]
+    said = [VerdictOutcome.TRUE, VerdictOutcome.FALSE, VerdictOutcome.UNSURE, VerdictOutcome.TRUE]
     for k, says in enumerate(said, start=1):
         name = f"{1_700_000_000_000 + k:015d}-{k:06d}"
         log.append([entry(k, "raised", k)])
         log.add(
-            [Verdict(2.0, "apron", name, k, Says.UNSURE, "Eve"), Verdict(3.0, "apron", name, k, says, "Ada")]
+            [
+                Verdict(2.0, "apron", name, k, VerdictOutcome.UNSURE, "Eve"),
+                Verdict(3.0, "apron", name, k, says, "Ada"),
+            ]
         )
         clip = replace(scene.clips[0], trigger=replace(scene.clips[0].trigger, id=name, sequence=k))
         if k < 4:

@@ -91,7 +91,7 @@ class Life:
         for number, (elapsed, bright) in enumerate(moments()):
             now = self.clock.now_s = begin + elapsed
             if bright is None:
-                results = self.pipeline.look(now)
+                results = self.pipeline.poll(now)
             else:
                 frame = Frame(number, now, now, 1.7e9 + now, WIDTH, HEIGHT, "gray8", pictures[bright])
                 taken = None

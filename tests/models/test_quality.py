@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lumpwatch.models.picture.activity import Activity
 from lumpwatch.models.picture.measures import SATURATED, PictureMeter
-from lumpwatch.models.picture.medians import JumpWatch, SlowMedian
+from lumpwatch.models.picture.medians import JumpDetector, SlowMedian
 from lumpwatch.models.picture.pattern import learn_pattern
 from lumpwatch.models.picture.reference import THUMB_WIDTH, moving_mask, thumbnail
 from lumpwatch.models.picture.region import DEFAULTS, Measure, Sample, learn_region, values
@@ -254,9 +254,9 @@ def test_old_values_leave_the_window() -> None:
 
 
 def test_a_jump_is_told_once_and_a_slow_change_never() -> None:
-    watch = JumpWatch(1.3)
+    watch = JumpDetector(1.3)
     assert not any(watch.add(0.2 * k, 100 * 1.02**k) for k in range(50))
-    watch = JumpWatch(1.3)
+    watch = JumpDetector(1.3)
     levels = [100.0] * 10 + [140.0] * 10 + [100.0] * 10
     told = [k for k, level in enumerate(levels) if watch.add(0.2 * k, level)]
     # For half a second the level before is remembered: the second and third pictures still stand out.

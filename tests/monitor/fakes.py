@@ -37,12 +37,12 @@ class FakeClock:
 class FakeInbox:
     """Plays a script: at each turn a step that may give a frame; after the last one the link says stop."""
 
-    def __init__(self, link: FakeLink) -> None:
+    def __init__(self, daemon: FakeLink) -> None:
         self.skipped = 0
         self.malformed: dict[str, int] = {}
         self.same_clock = True
         self.script: list[Callable[[], Frame | None]] = []
-        self._link = link
+        self._link = daemon
 
     def take(self, timeout_s: float) -> Frame | None:
         if not self.script:
@@ -70,14 +70,14 @@ class FakePublisher:
 class FakeBus:
     """One session without a network."""
 
-    def __init__(self, link: FakeLink) -> None:
-        self.linked = True
+    def __init__(self, daemon: FakeLink) -> None:
+        self.connected = True
         self.sent: list[tuple[str, Any]] = []
         self.services: dict[str, Service] = {}
         self.queryables: list[str] = []
         self.subscriptions: dict[str, Callable[[str, bytes], None]] = {}
         self.tokens: list[str] = []
-        self.inbox = FakeInbox(link)
+        self.inbox = FakeInbox(daemon)
 
     def frame_inbox(self, key: str) -> FakeInbox:
         return self.inbox
@@ -166,7 +166,7 @@ class FakeProofs:
     def troubles(self, roi: str) -> dict[Trouble, bool]:
         return self.found
 
-    def look(self) -> None:
+    def poll(self) -> None:
         self.looked += 1
 
     def test(self, roi: str, actor: str) -> ProofResult:
@@ -187,23 +187,23 @@ class World:
         tree["cameras"][0]["rois"][0]["alarm"] |= alarm
         self.config = site(tree)
         self.registry = CollectorRegistry()
-        self.clock, self.link, self.evidence, self.proofs = (
+        self.clock, self.daemon, self.evidence, self.proofs = (
             FakeClock(),
             FakeLink(),
             FakeEvidence(),
             FakeProofs(),
         )
-        self.bus = FakeBus(self.link)
+        self.bus = FakeBus(self.daemon)
         self.metrics = MonitorMetrics(self.registry, "cam", ("apron",))
         self.events = EventWriter(store, "cam", self.metrics, lambda: self.clock().wall_s)
         bus: Any = self.bus
-        link: Any = self.link
+        daemon: Any = self.daemon
         evidence: Any = self.evidence
         self.monitor = Monitor(
             config=self.config,
             camera_id="cam",
             bus=bus,
-            link=link,
+            daemon=daemon,
             metrics=self.metrics,
             events=self.events,
             evidence=evidence,
@@ -215,7 +215,7 @@ class World:
     def run(self, *steps: Callable[[], Frame | None]) -> None:
         """Turn the main loop once for each step."""
         self.bus.inbox.script = list(steps)
-        self.link.stop.clear()
+        self.daemon.stop.clear()
         self.monitor.run()
 
     def metric(self, name: str, **labels: str) -> float:

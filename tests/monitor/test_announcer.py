@@ -36,7 +36,7 @@ class World:
         self.records: list[KeptRecord] = []
         self.past: list[Message] = []
         self._sequences = sequences or {}
-        self.linked = True
+        self.connected = True
 
     def sequences(self) -> dict[str, int]:
         return self._sequences
@@ -173,10 +173,10 @@ def test_what_the_last_process_may_not_have_sent_is_sent_as_it_was() -> None:
 def test_what_is_sent_without_a_hub_is_published_some_time_after_it_is_back() -> None:
     world = World()
     target = announcer(world)
-    world.linked = False
+    world.connected = False
     target.announce((RESULT,))
     target.confirm()
-    world.linked = True
+    world.connected = True
     target.confirm()
     assert world.of("sent") == []  # subscribers may not have fetched it yet
     target.confirm()
@@ -190,7 +190,7 @@ def test_what_is_sent_without_a_hub_is_published_some_time_after_it_is_back() ->
 def test_what_is_sent_again_without_a_hub_is_not_published_yet() -> None:
     world = World()
     world.unpublished = [("apron", "a", b"{}")]
-    world.linked = False
+    world.connected = False
     announcer(world).send_again()
     assert world.of("alarm") == [{}]
     assert world.of("sent") == []

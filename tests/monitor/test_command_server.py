@@ -11,8 +11,8 @@ import pytest
 from lumpwatch.service.bus import Keys, Role
 from lumpwatch.service.config import AlarmConfig
 from lumpwatch.service.core import (
-    Act,
     Alarm,
+    AlarmAction,
     AlarmChange,
     AlarmClass,
     AlarmRequestError,
@@ -33,8 +33,8 @@ class OneAlarm:
     def __init__(self) -> None:
         self.alarms = dict.fromkeys(AlarmClass, Alarm()) | {AlarmClass.LUMP: Alarm(active=True, waits=True)}
 
-    def act(self, roi: str, alarm_class: AlarmClass, act: Act) -> tuple[RoiResult, int]:
-        self.alarms[alarm_class], made = act(self.alarms[alarm_class], RULES, 10.0)
+    def apply(self, roi: str, alarm_class: AlarmClass, action: AlarmAction) -> tuple[RoiResult, int]:
+        self.alarms[alarm_class], made = action(self.alarms[alarm_class], RULES, 10.0)
         alarm = self.alarms[alarm_class]
         changes = tuple(AlarmChange(alarm_class, one, alarm, "high") for one in made)
         return replace(STARTING, roi=roi, alarms=dict(self.alarms), changes=changes), 7
@@ -44,7 +44,7 @@ def echo(roi: str, asked: Request) -> bytes:
     return json.dumps([roi, asked.model_dump(mode="json", exclude_none=True)]).encode()
 
 
-OTHERS: dict[str, Do] = {name: echo for name, row in COMMANDS.items() if row.act is None}
+OTHERS: dict[str, Do] = {name: echo for name, row in COMMANDS.items() if row.action is None}
 
 
 class Served:
@@ -76,7 +76,7 @@ def test_each_region_is_one_queryable_with_all_commands() -> None:
 def test_no_alarm_command_waits_for_a_disk_or_a_test() -> None:
     services = Served().bus.services
     lanes = {name: services[KEYS.command("cam", "apron", name)] for name in COMMANDS}
-    assert {lanes[name].lane for name, row in COMMANDS.items() if row.act is not None} == {Lane.ALARMS}
+    assert {lanes[name].lane for name, row in COMMANDS.items() if row.action is not None} == {Lane.ALARMS}
     assert {lanes[name].lane for name in ("verdict", "evidence", "prior")} == {Lane.STORE}
     assert [name for name, one in lanes.items() if not one.waits] == ["proof"]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from lumpwatch.service.config.cameras import LatencyConfig
-from lumpwatch.service.monitor.latency import LatencyWatch
+from lumpwatch.service.monitor.latency import LatencyTracker
 from tests.protocol.test_messages import RESULT
 from tests.service_helpers import frame
 
@@ -15,7 +15,7 @@ CONFIG = LatencyConfig(budget_s=0.5, for_s=2.0)
 
 
 def test_the_stages_add_up() -> None:
-    watch = LatencyWatch(CONFIG)
+    watch = LatencyTracker(CONFIG)
     watch.published(0.004)
     watch.decided(RESULT, 100.05)  # captured at 100, received at 100.02, taken at 100.03
     assert watch.last is not None
@@ -28,14 +28,14 @@ def test_the_stages_add_up() -> None:
 
 
 def test_a_result_without_a_frame_has_no_latency() -> None:
-    watch = LatencyWatch(CONFIG)
+    watch = LatencyTracker(CONFIG)
     watch.decided(replace(RESULT, frame=None), 100.0)
     assert watch.last is None
     assert not watch.exhausted(1e9)
 
 
 def test_only_a_delay_without_a_break_exhausts_the_budget() -> None:
-    watch = LatencyWatch(CONFIG)
+    watch = LatencyTracker(CONFIG)
 
     def decide(at_s: float, late_s: float) -> bool:
         captured = at_s - late_s

@@ -9,7 +9,14 @@ from typing import Any
 
 import pytest
 
-from lumpwatch.service.core import Act, AlarmClass, AlarmRequestError, Frame, Trouble, all_of, suppress
+from lumpwatch.service.core import (
+    AlarmClass,
+    AlarmRequestError,
+    Frame,
+    Trouble,
+    all_of,
+    suppress,
+)
 from lumpwatch.service.monitor.alarm_record import RecordError
 from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.storage import PriorStore, event_file, read_events
@@ -83,8 +90,8 @@ def test_a_lump_is_announced_acknowledged_and_over(world: World, tmp_path: Path)
     assert changes(world) == ["raised", "acknowledged", "cleared"]
     states = [one["state"] for one in world.bus.of("state")]
     assert [states[0], *dict.fromkeys(states)] == ["BLIND", "BLIND", "CLEAR", "LUMP"]
-    assert world.link.state == "running"
-    assert set(world.link.decided) == {"apron"}
+    assert world.daemon.state == "running"
+    assert set(world.daemon.decided) == {"apron"}
     raised = next(one["data"] for one in world.bus.of("alarm") if one["data"]["change"] == "raised")
     assert [one.id for one in world.evidence.triggers if one.alarm_class is AlarmClass.LUMP] == [
         raised["evidence"]
@@ -104,7 +111,7 @@ def test_it_beats_once_a_second(world: World) -> None:
     world.run(*show(world, 10.0, bright=False))
     assert 9 <= len(world.bus.of("heartbeat")) <= 11
     assert world.proofs.looked == len(world.bus.of("heartbeat"))
-    assert world.link.beats == 101
+    assert world.daemon.beats == 101
     assert all(one["valid"] for one in world.bus.of("heartbeat")[1:])
 
 
@@ -151,9 +158,11 @@ def test_what_cannot_be_recorded_does_not_happen(world: World, tmp_path: Path) -
     """The alarm was once suppressed unrecorded, and the end of the suppression ended the process."""
 
     def unrecordable() -> None:
-        act: Act = lambda alarm, rules, now_s: all_of(suppress(alarm, rules, now_s, HALF_A_PAIR, 1.0))  # noqa: E731
+        def action(alarm: Alarm, rules: Rules, now_s: float) -> Changed:
+            return all_of(suppress(alarm, rules, now_s, HALF_A_PAIR, 1.0))
+
         with pytest.raises(RecordError):
-            world.monitor.act("apron", AlarmClass.LUMP, act)
+            world.monitor.apply("apron", AlarmClass.LUMP, action)
 
     world.run(*show(world, 1.0, bright=False), then(unrecordable), *show(world, 4.0, bright=True), ack(world))
     assert changes(world) == ["raised", "acknowledged"]

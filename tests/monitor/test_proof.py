@@ -307,7 +307,7 @@ def test_a_failure_is_a_trouble_until_a_test_passes_over_restarts_too(tmp_path: 
     world.now_s += 100.0
     world.keeper = world.made()
     assert world.troubles() == {Trouble.PROOF_TEST}
-    world.keeper.look()
+    world.keeper.poll()
     assert world.metric("lumpwatch_proof_test_age_seconds") == pytest.approx(100.0)
     assert world.metric("lumpwatch_proof_test_passed") == 0
     world.outcome = Outcome.INCONCLUSIVE

@@ -13,9 +13,9 @@ from scipy.stats import beta, chi2, poisson
 
 from lumpwatch.service.config.alarm import AlarmConfig
 from lumpwatch.service.offline.backtest.curve import (
-    Judged,
     Point,
     Terms,
+    VideoRecord,
     curve,
     point_at,
     quiet_time,
@@ -24,7 +24,7 @@ from lumpwatch.service.offline.backtest.curve import (
 )
 from lumpwatch.service.offline.backtest.episodes import Score, alarm_at, score, spans
 from lumpwatch.service.offline.backtest.intervals import (
-    NONE_SHOWS,
+    RULE_OF_THREE,
     binomial_interval,
     poisson_interval,
     poisson_upper,
@@ -252,17 +252,17 @@ def test_boxes_between_labels_are_interpolated() -> None:
 # Curves
 
 
-def flat_out() -> Judged:
+def flat_out() -> VideoRecord:
     """A false alarm at 0.7, one at 0.97, and a lump that is seen with 0.95 for two seconds."""
     values = existence((30, 50)) + 0.0
     values[5:10], values[80:86] = 0.7, 0.97
     one = recording(values, {range(30, 50): [LUMP]})
-    return Judged("a", one, truth(one, track(20, 59, fall=50)))
+    return VideoRecord("a", one, truth(one, track(20, 59, fall=50)))
 
 
 def test_a_point_counts_over_all_videos() -> None:
     quiet = recording(existence((10, 20)))
-    empty = Judged("b", quiet, truth(quiet))
+    empty = VideoRecord("b", quiet, truth(quiet))
     point = point_at([flat_out(), empty], alarm_at(ALARM, 0.9), Terms())
     assert (point.lumps, point.announced) == (1, 1)
     assert (point.true_alarms, point.false_alarms, point.misplaced_alarms) == (1, 2, 0)
@@ -279,7 +279,7 @@ def test_warnings_of_lumps_never_announced_are_zero() -> None:
     seen = recording(existence((30, 50)), {range(30, 50): [LUMP]})
     blind = recording(existence())
     lump = track(20, 59, fall=50)
-    clips = [*[Judged("a", seen, truth(seen, lump))] * 3, Judged("b", blind, truth(blind, lump))]
+    clips = [*[VideoRecord("a", seen, truth(seen, lump))] * 3, VideoRecord("b", blind, truth(blind, lump))]
     point = point_at(clips, alarm_at(ALARM, 0.9), Terms())
     assert (point.announced, point.detection_rate) == (3, 0.75)
     assert point.warning_median_s == pytest.approx(1.8)
@@ -293,20 +293,20 @@ def test_a_late_warning_does_not_count(least: float, announced: int) -> None:
 
 def test_without_any_warning_nothing_is_announced_even_where_none_is_asked_for() -> None:
     blind = recording(existence())
-    clip = Judged("a", blind, truth(blind, track(20, 59, fall=50)))
+    clip = VideoRecord("a", blind, truth(blind, track(20, 59, fall=50)))
     assert point_at([clip], alarm_at(ALARM, 0.9), Terms(least_warning_s=0.0)).announced == 0
 
 
 def test_videos_without_lumps_have_no_detection_rate() -> None:
     one = recording(existence())
-    point = point_at([Judged("a", one, truth(one))], ALARM, Terms())
+    point = point_at([VideoRecord("a", one, truth(one))], ALARM, Terms())
     assert (point.detection_rate, point.detection_interval) == (None, (0.0, 1.0))
     assert (point.warning_median_s, point.warning_worst_tenth_s) == (None, None)
 
 
 def test_a_video_full_of_lumps_has_no_false_alarm_rate() -> None:
     one = recording(existence())
-    clip = Judged("a", one, truth(one, track(0, 99, fall=90)))
+    clip = VideoRecord("a", one, truth(one, track(0, 99, fall=90)))
     points = curve([clip], ALARM, Terms())
     assert {(p.false_per_hour, p.false_interval) for p in points} == {(None, (0.0, math.inf))}
     assert recommend(points, Terms()).point is None
@@ -338,7 +338,7 @@ def test_an_alarm_that_stands_at_low_thresholds_is_not_recommended() -> None:
     one = recording(values)
     config = AlarmConfig(raise_above=0.8, clear_below=0.7, on_delay_s=0.2, off_delay_s=0.3)
     terms = Terms(false_alarms_per_hour=360.0)
-    points = curve([Judged("a", one, truth(one))], config, terms)
+    points = curve([VideoRecord("a", one, truth(one))], config, terms)
     counts = {p.raise_above: p.false_alarms for p in points}
     assert (counts[0.5], counts[0.8], counts[0.85]) == (1, 5, 0)
     advice = recommend(points, terms)
@@ -348,7 +348,7 @@ def test_an_alarm_that_stands_at_low_thresholds_is_not_recommended() -> None:
 
 def test_nothing_is_recommended_where_every_threshold_gives_too_many() -> None:
     one = recording(existence((30, 50), level=1.0))
-    points = curve([Judged("a", one, truth(one))], ALARM, Terms())
+    points = curve([VideoRecord("a", one, truth(one))], ALARM, Terms())
     advice = recommend(points, Terms())
     assert advice.point is None
     assert advice.below_per_hour == pytest.approx(4.7439 / 10.0 * 3600, rel=1e-4)
@@ -372,7 +372,7 @@ def test_poisson_intervals_of_the_tables(count: int, low: float, high: float) ->
 
 def test_no_event_in_two_hours_only_shows_fewer_than_one_and_a_half_an_hour() -> None:
     assert poisson_upper(0, 2.0) == pytest.approx(1.498, abs=5e-4)
-    assert poisson_upper(0, NONE_SHOWS / 0.1) == pytest.approx(0.1)
+    assert poisson_upper(0, RULE_OF_THREE / 0.1) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

@@ -36,10 +36,10 @@ def scene() -> list[Frame]:
     return [frame(k, bright=10 <= k < 30, time_s=5000.0 + k * INTERVAL_S) for k in range(FRAMES)]
 
 
-def run(out: Path, frames: list[Frame] | None = None, watchers: tuple[Any, ...] = ()) -> Any:
+def run(out: Path, frames: list[Frame] | None = None, listeners: tuple[Any, ...] = ()) -> Any:
     chosen = scene() if frames is None else frames
     return run_replay(
-        "pit", camera(), {"apron": prior(version=2)}, chosen, "clip.mp4", out, watchers=watchers
+        "pit", camera(), {"apron": prior(version=2)}, chosen, "clip.mp4", out, listeners=listeners
     )
 
 

@@ -17,12 +17,12 @@ from lumpwatch.service.config.evidence import ShiftsConfig
 from lumpwatch.service.core.alarm import AlarmClass
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.offline.backtest.intervals import binomial_interval
-from lumpwatch.service.offline.shift.figures import Figures, in_ten_minutes, shift_figures, watched
+from lumpwatch.service.offline.shift.figures import Figures, in_ten_minutes, shift_figures, uptime
 from lumpwatch.service.offline.shift.page import shift_page
 from lumpwatch.service.offline.shift.record import roi_record
 from lumpwatch.service.offline.shift.window import Window, report_window
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
-from lumpwatch.service.storage.event_notes import Says, Span, Verdict
+from lumpwatch.service.storage.event_notes import Span, Verdict, VerdictOutcome
 from tests.offline.shift_scene import BEGIN_S, event
 from tests.service_helpers import site_tree
 
@@ -52,7 +52,13 @@ EVENTS = [
     event(3700, "acknowledged", 10, actor="Ada"),
     event(3800, "raised", 11),  # after the shift
 ]
-SAID = [(1, Says.TRUE), (4, Says.FALSE), (4, Says.TRUE), (4, Says.FALSE), (7, Says.UNSURE)]
+SAID = [
+    (1, VerdictOutcome.TRUE),
+    (4, VerdictOutcome.FALSE),
+    (4, VerdictOutcome.TRUE),
+    (4, VerdictOutcome.FALSE),
+    (7, VerdictOutcome.UNSURE),
+]
 VERDICTS = [
     Verdict(BEGIN_S + 5000 + k, "apron", f"id-{number:06d}", number, says, "Eve", "<dust>")
     for k, (number, says) in enumerate(SAID)
@@ -201,7 +207,7 @@ def test_no_more_is_seen_than_the_shift_lasts(drawn: list[tuple[float, float, fl
         Span(BEGIN_S + at, BEGIN_S + at + lasts, "apron", share * lasts, {why: (1 - share) * lasts})
         for at, lasts, share, why in drawn
     ]
-    seen_s, blind_s = watched(spans, HOUR)
+    seen_s, blind_s = uptime(spans, HOUR)
     assert seen_s >= 0.0
     assert seen_s + sum(blind_s.values()) <= 3600 + 1e-6
     # The union of the spans within the hour, by brute force over its ends.

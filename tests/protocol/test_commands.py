@@ -23,7 +23,7 @@ def request(name: str, parameters: dict[str, str], payload: bytes | None = None)
 
 
 def done(name: str, parameters: dict[str, str], alarm: Alarm = WAITING) -> tuple[Alarm, list[Change]]:
-    make = COMMANDS[name].act
+    make = COMMANDS[name].action
     assert make is not None
     after, made = make(request(name, parameters))(alarm, CONFIG, 10.0)
     return after, [one.change for one in made]
@@ -166,7 +166,7 @@ def test_any_payload_is_read_or_refused(payload: bytes) -> None:
 
 
 @given(
-    st.sampled_from(sorted(name for name, row in COMMANDS.items() if row.act is not None)),
+    st.sampled_from(sorted(name for name, row in COMMANDS.items() if row.action is not None)),
     st.dictionaries(
         st.sampled_from(["actor", "reason", "for_s", "state", "signal", "valid_s", "class"]),
         st.text(st.characters(exclude_categories=()), max_size=8)

@@ -196,15 +196,15 @@ def inject(style: str, case: Case, fit: list[Image], reference: Reference) -> Ou
     last_bad, reasons, followed = end, [], (0, 0)
     for frame in frames(faulty()):
         (result,) = pipeline.process(frame, frame.received_s)
-        k, mount = frame.seq, pipeline.quality.mount
-        followed = mount.followed_px if begin <= k < end else followed
-        hit = mount.followed_px != (0, 0) if not case.reasons else result.reason in case.reasons
+        k, shift = frame.seq, pipeline.quality.shift
+        followed = shift.followed_px if begin <= k < end else followed
+        hit = shift.followed_px != (0, 0) if not case.reasons else result.reason in case.reasons
         if begin <= k < end:
             if hit and found is None:
                 found = (k - begin) / FPS
             if result.reason is not None and result.reason.value not in reasons:
                 reasons.append(result.reason.value)
-        unfit = result.decision is Decision.BLIND or mount.followed_px != (0, 0)
+        unfit = result.decision is Decision.BLIND or shift.followed_px != (0, 0)
         last_bad = k if k >= end and unfit else last_bad
     recovered = None if last_bad == end + round(AFTER_S * FPS) - 1 else (last_bad + 1 - end) / FPS
     quality = config.quality

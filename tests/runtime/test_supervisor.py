@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
+from lumpwatch.service.telemetry.daemon_connection import Report
 from lumpwatch.service.telemetry.relay import Relay
-from lumpwatch.service.telemetry.worker_link import Report
 from tests import workers
 
 PATIENCE_S = 60.0

@@ -32,7 +32,7 @@ from lumpwatch.service.storage.event_log import (
     reading,
 )
 from lumpwatch.service.storage.event_log_writer import EventWriter
-from lumpwatch.service.storage.event_notes import Says, Verdict, verdicts
+from lumpwatch.service.storage.event_notes import Verdict, VerdictOutcome, verdicts
 from tests.integration.site import wait_for
 
 WALL_S = 1.7e9
@@ -357,7 +357,7 @@ def test_an_event_that_no_file_would_take_is_set_aside_alone(
 def test_a_verdict_that_no_file_would_take_holds_up_nothing(tmp_path: Path) -> None:
     counting = Counting()
     log = writer(tmp_path, counting)
-    bad = Verdict(WALL_S, "apron", "id-000001", 1, Says.TRUE, HALF_A_PAIR)
+    bad = Verdict(WALL_S, "apron", "id-000001", 1, VerdictOutcome.TRUE, HALF_A_PAIR)
     assert log.write([entry(1)])
     assert not log.add([bad, replace(bad, actor="Ada")], wait=True)
     assert log.write([entry(2)])

@@ -11,18 +11,18 @@ import pytest
 
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, AlarmRequestError, Hold
 from lumpwatch.service.core.clock import Clocks
-from lumpwatch.service.monitor.uptime import WatchLog
+from lumpwatch.service.monitor.uptime import UptimeRecorder
 from lumpwatch.service.monitor.verdict_handler import verdict_on
 from lumpwatch.service.protocol import VerdictRequest, read_request
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events, reading
 from lumpwatch.service.storage.event_log_writer import Retention
 from lumpwatch.service.storage.event_notes import (
-    Says,
     Span,
     Verdict,
+    VerdictOutcome,
     latest_verdicts,
+    uptime_spans,
     verdicts,
-    watched_spans,
 )
 from tests.integration.site import wait_for
 from tests.offline.shift_scene import BEGIN_S, entry, event
@@ -47,13 +47,17 @@ def kept(tmp_path: Path) -> list[tuple[int, str]]:
 # Verdicts
 
 
-def verdict(number: int, says: Says, at_s: float = 0.0) -> Verdict:
+def verdict(number: int, says: VerdictOutcome, at_s: float = 0.0) -> Verdict:
     return Verdict(BEGIN_S + at_s, "apron", f"id-{number:06d}", number, says, "Eve", "why")
 
 
 def test_the_last_verdict_counts_and_all_are_kept(tmp_path: Path, log: EventLog) -> None:
     log.append([entry(1, "raised", 1), entry(2, "raised", 2)])
-    said = [verdict(1, Says.TRUE), verdict(2, Says.UNSURE, 1), verdict(1, Says.FALSE, 2)]
+    said = [
+        verdict(1, VerdictOutcome.TRUE),
+        verdict(2, VerdictOutcome.UNSURE, 1),
+        verdict(1, VerdictOutcome.FALSE, 2),
+    ]
     log.add(said)
     log.add([Span(BEGIN_S, BEGIN_S + 60, "apron", 60.0, {})])
     with reading(event_file(tmp_path, "cam")) as db:
@@ -95,7 +99,9 @@ def test_which_alarm_is_judged(tmp_path: Path, log: EventLog, asked: dict[str, s
     parameters = asked | {"actor": " Ada  B. ", "verdict": "false", "note": " dust \n cloud "}
     request = read_request(VerdictRequest, parameters)
     made = verdict_on(event_file(tmp_path, "cam"), "apron", request, 5.0)
-    assert made == Verdict(5.0, "apron", f"id-{sequence:06d}", sequence, Says.FALSE, "Ada B.", "dust cloud")
+    assert made == Verdict(
+        5.0, "apron", f"id-{sequence:06d}", sequence, VerdictOutcome.FALSE, "Ada B.", "dust cloud"
+    )
 
 
 @pytest.mark.parametrize(
@@ -126,7 +132,7 @@ def test_what_cannot_be_judged_is_one_line(
 
 
 def test_before_anything_has_happened_nothing_can_be_judged(tmp_path: Path) -> None:
-    request = VerdictRequest(actor="Ada", verdict=Says.TRUE)
+    request = VerdictRequest(actor="Ada", verdict=VerdictOutcome.TRUE)
     with pytest.raises(AlarmRequestError, match="there is no event log"):
         verdict_on(tmp_path / "cam.sqlite", "apron", request, 0.0)
 
@@ -145,7 +151,7 @@ def test_what_is_over_and_old_is_forgotten(tmp_path: Path, log: EventLog) -> Non
             entry(3 * DAY_S + 1, "cleared", 6, alarm=OVER),
         ]
     )
-    log.add([verdict(1, Says.TRUE), verdict(5, Says.FALSE)])
+    log.add([verdict(1, VerdictOutcome.TRUE), verdict(5, VerdictOutcome.FALSE)])
     log.add(
         [
             Span(BEGIN_S, BEGIN_S + 60, "apron", 60.0, {}),
@@ -156,7 +162,7 @@ def test_what_is_over_and_old_is_forgotten(tmp_path: Path, log: EventLog) -> Non
     assert kept(tmp_path) == [(3, "raised"), (4, "acknowledged"), (5, "raised"), (6, "cleared")]
     with reading(event_file(tmp_path, "cam")) as db:
         assert [one.sequence for one in verdicts(db)] == [5]
-        assert [one.seen_s for one in watched_spans(db, 0, 1e12)] == [1.0]
+        assert [one.seen_s for one in uptime_spans(db, 0, 1e12)] == [1.0]
     assert log.prune(BEGIN_S + DAY_S, 1000, 100) == 0
     assert log.prune(BEGIN_S + 100 * DAY_S, 1000, 100) > 0
     assert kept(tmp_path) == [(6, "cleared")]  # the alarm's state
@@ -260,13 +266,13 @@ def test_a_log_of_the_version_before_is_read_and_taken_over(tmp_path: Path) -> N
     assert (old.sequence, old.alarm, old.details) == (8, UP, {})
     with reading(path) as db:
         assert latest_verdicts(db) == {}
-        assert list(watched_spans(db, 0, 1e12)) == []
+        assert list(uptime_spans(db, 0, 1e12)) == []
     counting = Counting()
     opened = writer(tmp_path, counting)
     assert opened.alarms(0.0, WALL_S, "boot") == {("apron", AlarmClass.LUMP): UP}
     assert opened.unpublished == [("apron", "id-000008", b"{}")]
     assert opened.write([Entry(event(1, "cleared", 9, lip_s=2.5), b"{}")])
-    assert opened.add([verdict(8, Says.TRUE)], wait=True)
+    assert opened.add([verdict(8, VerdictOutcome.TRUE)], wait=True)
     opened.close()
     assert counting.problems == {}
     assert [(one.sequence, one.details) for one in read_events(path)] == [(8, {}), (9, {"lip_s": 2.5})]
@@ -280,10 +286,10 @@ def clocks(monotonic_s: float, step_s: float = 0.0) -> Clocks:
 
 
 def test_each_minute_is_summed_up() -> None:
-    watch = WatchLog()
+    watch = UptimeRecorder()
     told: list[Span] = []
     for k in range(0, 4 * 150 + 1):  # four looks a second; dark from 30 s to 75 s
-        told += watch.saw("apron", "dark" if 120 <= k < 300 else None, clocks(k / 4))
+        told += watch.observe("apron", "dark" if 120 <= k < 300 else None, clocks(k / 4))
     told += watch.close(clocks(150.0))
     assert told == [
         Span(BEGIN_S, BEGIN_S + 60, "apron", 30.0, {"dark": 30.0}),
@@ -293,25 +299,25 @@ def test_each_minute_is_summed_up() -> None:
 
 
 def test_a_time_in_which_the_monitor_stood_still_belongs_to_nobody() -> None:
-    watch = WatchLog()
-    assert watch.saw("apron", None, clocks(0.0)) == ()
-    assert watch.saw("apron", None, clocks(1.0)) == ()
-    assert watch.saw("apron", None, clocks(31.0)) == (Span(BEGIN_S, BEGIN_S + 3, "apron", 3.0, {}),)
-    assert watch.saw("apron", "dust", clocks(32.0)) == ()
+    watch = UptimeRecorder()
+    assert watch.observe("apron", None, clocks(0.0)) == ()
+    assert watch.observe("apron", None, clocks(1.0)) == ()
+    assert watch.observe("apron", None, clocks(31.0)) == (Span(BEGIN_S, BEGIN_S + 3, "apron", 3.0, {}),)
+    assert watch.observe("apron", "dust", clocks(32.0)) == ()
     assert watch.close(clocks(33.0)) == (Span(BEGIN_S + 31, BEGIN_S + 33, "apron", 1.0, {"dust": 1.0}),)
 
 
 def test_a_wall_clock_that_is_stepped_makes_no_span_longer() -> None:
-    watch = WatchLog()
+    watch = UptimeRecorder()
     told: list[Span] = []
     for k in range(0, 241):
-        told += watch.saw("apron", None, clocks(k / 2, step_s=3600.0 if k >= 60 else 0.0))
+        told += watch.observe("apron", None, clocks(k / 2, step_s=3600.0 if k >= 60 else 0.0))
     assert [(one.end_s - one.begin_s, one.seen_s) for one in told] == [(60.0, 60.0), (60.0, 60.0)]
 
 
 def test_rois_are_summed_up_each_by_itself() -> None:
-    watch = WatchLog()
+    watch = UptimeRecorder()
     for k in range(5):
-        watch.saw("apron", None, clocks(float(k)))
-        watch.saw("chute", "dark", clocks(float(k)))
+        watch.observe("apron", None, clocks(float(k)))
+        watch.observe("chute", "dark", clocks(float(k)))
     assert {(one.roi, one.seen_s) for one in watch.close(clocks(4.0))} == {("apron", 4.0), ("chute", 0.0)}

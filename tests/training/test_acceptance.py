@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lumpwatch.service.storage import Prior, PriorStore
-from lumpwatch.service.training import missing_sources, objection_to, sources_text, take
+from lumpwatch.service.training import accept, missing_sources, objection_to, sources_text
 from lumpwatch.service.training.cross_validation import HeldOut, Judged, Validation
 from lumpwatch.service.training.dataset import Lump
 from tests.service_helpers import prior
@@ -36,9 +36,9 @@ def test_it_is_used_once_it_was_judged(store: PriorStore) -> None:
     def judge(stored: Prior) -> None:
         seen.append((stored.version, in_use(store)))
 
-    taken = take(store, prior(source="new"), judge)
+    acceptance = accept(store, prior(source="new"), judge)
     assert seen == [(2, "old")]
-    assert (taken.prior.version, taken.objection) == (2, None)
+    assert (acceptance.prior.version, acceptance.objection) == (2, None)
     assert in_use(store) == "new"
 
 
@@ -48,25 +48,26 @@ def test_what_is_interrupted_leaves_the_old_one_in_use(store: PriorStore, stop: 
         raise stop
 
     with pytest.raises(stop):
-        take(store, prior(source="new"), judge)
+        accept(store, prior(source="new"), judge)
     assert in_use(store) == "old"
     assert store.versions(*OF) == (1, 2)
     assert store.untried(*OF, 2)
 
 
 def test_what_is_objected_to_is_stored_and_not_used_without_consent(store: PriorStore) -> None:
-    taken = take(store, prior(source="new"), lambda stored: "found nothing")
-    assert taken.objection == "found nothing"
+    acceptance = accept(store, prior(source="new"), lambda stored: "found nothing")
+    assert acceptance.objection == "found nothing"
     assert in_use(store) == "old"
     assert store.load(*OF, 2).meta.source == "new"
     assert (
-        take(store, prior(source="newer"), lambda stored: "found nothing", use_anyway=True).objection is None
+        accept(store, prior(source="newer"), lambda stored: "found nothing", use_anyway=True).objection
+        is None
     )
     assert in_use(store) == "newer"
 
 
 def test_a_trial_in_shadow_needs_no_good_judgement(store: PriorStore) -> None:
-    assert take(store, prior(source="new"), lambda stored: "found nothing", shadow=True).objection is None
+    assert accept(store, prior(source="new"), lambda stored: "found nothing", shadow=True).objection is None
     assert in_use(store) == "old"
     assert store.shadow_pointer(*OF) == 2
 

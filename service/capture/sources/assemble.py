@@ -6,15 +6,15 @@ from av import VideoFrame
 
 from lumpwatch.service.capture.sources.base import Fault, SourceError
 from lumpwatch.service.capture.sources.pacing import Times
-from lumpwatch.service.capture.sources.pixels import Want, extract
+from lumpwatch.service.capture.sources.pixels import SourceEncoding, extract
 from lumpwatch.service.core import Frame
 
 
 class Assembler:
     """Makes `Frame`s; lives as long as its source object, over all reconnects."""
 
-    def __init__(self, want: Want) -> None:
-        self._want: Want = want
+    def __init__(self, encoding: SourceEncoding) -> None:
+        self._encoding: SourceEncoding = encoding
         self._seq = 0
         self._size: tuple[int, int] | None = None
 
@@ -30,10 +30,10 @@ class Assembler:
 
     def make(self, picture: VideoFrame, times: Times) -> Frame:
         """The next frame."""
-        data = extract(picture, self._want)
+        data = extract(picture, self._encoding)
         height, width = data.shape
-        if self._want == "i420":
+        if self._encoding == "i420":
             height = height * 2 // 3
-        frame = Frame(self._seq, *times, width=width, height=height, encoding=self._want, data=data)
+        frame = Frame(self._seq, *times, width=width, height=height, encoding=self._encoding, data=data)
         self._seq += 1
         return frame

@@ -13,7 +13,7 @@ from lumpwatch.service.capture.sources.assemble import Assembler
 from lumpwatch.service.capture.sources.base import Fault, SourceError
 from lumpwatch.service.capture.sources.files import os_error
 from lumpwatch.service.capture.sources.pacing import Pacer
-from lumpwatch.service.capture.sources.pixels import Want
+from lumpwatch.service.capture.sources.pixels import SourceEncoding
 from lumpwatch.service.config import PICTURE_SUFFIXES, SourceConfig
 from lumpwatch.service.core import Frame
 
@@ -34,12 +34,14 @@ class ImageSource:
     (`size_changed`) ends the run with a SourceError that names it.
     """
 
-    def __init__(self, config: SourceConfig, camera_id: str, want: Want, *, pacer: Pacer) -> None:
+    def __init__(
+        self, config: SourceConfig, camera_id: str, encoding: SourceEncoding, *, pacer: Pacer
+    ) -> None:
         self._config = config
         self._name = f"camera {camera_id}: {config.path}"
         self._fps = config.fps or DEFAULT_FPS
         self._pacer = pacer
-        self._assembler = Assembler(want)
+        self._assembler = Assembler(encoding)
         self._paths: list[Path] = []
         self._played = 0
 

@@ -13,7 +13,7 @@ from lumpwatch.service.config import SourceConfig
 def make_source(
     config: SourceConfig,
     camera_id: str,
-    want: Literal["gray8", "i420"],
+    encoding: Literal["gray8", "i420"],
     *,
     count: Callable[[str], None],
     monotonic: Callable[[], float] = time.monotonic,
@@ -22,7 +22,7 @@ def make_source(
 ) -> Source:
     """The source that the URL means, not yet open.
 
-    `want` is the encoding of its frames. `count` is called for each event that costs or moves a
+    `encoding` is that of its frames. `count` is called for each event that costs or moves a
     frame but does not end the stream: `corrupt`, `stale`, `frozen_pts` (the frame is dropped),
     `pts_jump` (time stamps did not go on from the last ones), `slipped` (a paced file was read too
     slowly and goes on later). `sleep` paces files; it may return early to end a wait.
@@ -35,7 +35,7 @@ def make_source(
     if config.kind == "rtsp":
         from lumpwatch.service.capture.sources.rtsp import RtspSource
 
-        return RtspSource(config, camera_id, want, count=count, monotonic=monotonic, wall=wall)
+        return RtspSource(config, camera_id, encoding, count=count, monotonic=monotonic, wall=wall)
 
     from lumpwatch.service.capture.sources.pacing import Pacer
 
@@ -50,7 +50,7 @@ def make_source(
     if config.kind == "images":
         from lumpwatch.service.capture.sources.images import ImageSource
 
-        return ImageSource(config, camera_id, want, pacer=pacer)
+        return ImageSource(config, camera_id, encoding, pacer=pacer)
     from lumpwatch.service.capture.sources.video import VideoSource
 
-    return VideoSource(config, camera_id, want, count=count, pacer=pacer)
+    return VideoSource(config, camera_id, encoding, count=count, pacer=pacer)

@@ -15,7 +15,7 @@ from av.video.plane import VideoPlane
 from av.video.reformatter import ColorRange
 from numpy.typing import NDArray
 
-Want = Literal["gray8", "i420"]
+SourceEncoding = Literal["gray8", "i420"]
 
 _I420 = frozenset({"yuv420p", "yuvj420p"})
 _LUMA_FIRST = _I420 | {
@@ -24,13 +24,13 @@ _LUMA_FIRST = _I420 | {
 }  # fmt: skip
 
 
-def extract(frame: VideoFrame, want: Want) -> NDArray[np.uint8]:
+def extract(frame: VideoFrame, encoding: SourceEncoding) -> NDArray[np.uint8]:
     """The picture as uint8: (h, w) for gray8, (h * 3 / 2, w) for i420; not writable.
 
     gray8 is a view of the decoder's own plane where there is one. i420 needs even sides: an odd
     last row or column is left out.
     """
-    if want == "gray8":
+    if encoding == "gray8":
         if frame.format.name not in _LUMA_FIRST:
             frame = _to_i420(frame)
         return _plane(frame.planes[0])

@@ -101,7 +101,7 @@ class Reconnecting:
         self._sleep = sleep or stop.wait
         self._state = StreamState.CONNECTING
         self._open = False
-        self._said: Fault | None = None
+        self._logged: Fault | None = None
 
     @property
     def state(self) -> StreamState:
@@ -152,9 +152,9 @@ class Reconnecting:
         self._go(StreamState.RUNNING)
         self._backoff.reset()
         self._observer.connected()
-        if self._said:
-            _log.info("frames again after %s", self._said)
-            self._said = None
+        if self._logged:
+            _log.info("frames again after %s", self._logged)
+            self._logged = None
 
     def _fail(self, error: SourceError) -> None:
         self._source.close()
@@ -163,9 +163,9 @@ class Reconnecting:
             self._observer.dropped(error.fault)
         else:
             self._observer.failed(error.fault)
-        if error.fault is not self._said:
+        if error.fault is not self._logged:
             _log.warning("%s", error)
-            self._said = error.fault
+            self._logged = error.fault
         self._go(StreamState.WAITING)
         self._sleep(self._backoff.next())
 

@@ -22,7 +22,7 @@ from lumpwatch.service.capture.sources.assemble import Assembler
 from lumpwatch.service.capture.sources.base import Fault, SourceError
 from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, source_error, video_stream
 from lumpwatch.service.capture.sources.pacing import Times
-from lumpwatch.service.capture.sources.pixels import Want
+from lumpwatch.service.capture.sources.pixels import SourceEncoding
 from lumpwatch.service.config import SourceConfig
 from lumpwatch.service.core import Frame, StreamClock
 
@@ -47,7 +47,7 @@ class RtspSource:
         self,
         config: SourceConfig,
         camera_id: str,
-        want: Want,
+        encoding: SourceEncoding,
         *,
         count: Callable[[str], None],
         monotonic: Callable[[], float],
@@ -58,7 +58,7 @@ class RtspSource:
         self._count = count
         self._monotonic = monotonic
         self._wall = wall
-        self._assembler = Assembler(want)
+        self._assembler = Assembler(encoding)
         self._clock = StreamClock()
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None

@@ -23,7 +23,7 @@ from lumpwatch.service.capture.sources.base import Fault, SourceError
 from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, source_error, video_stream
 from lumpwatch.service.capture.sources.files import check_file
 from lumpwatch.service.capture.sources.pacing import Pacer
-from lumpwatch.service.capture.sources.pixels import Want
+from lumpwatch.service.capture.sources.pixels import SourceEncoding
 from lumpwatch.service.config import SourceConfig
 from lumpwatch.service.core import Frame, MediaClock
 
@@ -37,7 +37,7 @@ class VideoSource:
         self,
         config: SourceConfig,
         camera_id: str,
-        want: Want,
+        encoding: SourceEncoding,
         *,
         count: Callable[[str], None],
         pacer: Pacer,
@@ -46,7 +46,7 @@ class VideoSource:
         self._name = f"camera {camera_id}: {config.path}"
         self._count = count
         self._pacer = pacer
-        self._assembler = Assembler(want)
+        self._assembler = Assembler(encoding)
         self._clock = MediaClock(1 / _DEFAULT_FPS)
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None

@@ -60,7 +60,7 @@ class _Engine(Protocol):
         """Go on from there. Raises StateMismatchError."""
 
 
-class _One:
+class _Single:
     """One object at most."""
 
     def __init__(self, single: JdtFilter, rng: np.random.Generator) -> None:
@@ -161,7 +161,9 @@ class JdtDetector:
         self._appearance = HistogramAppearance()
         single, rng = make_filter(config, roi, learned), np.random.default_rng(config.seed)
         self._rng = rng
-        self._engine: _Engine = _Several(single, rng, config.objects) if config.several else _One(single, rng)
+        self._engine: _Engine = (
+            _Several(single, rng, config.objects) if config.several else _Single(single, rng)
+        )
 
     def use(self, learned: Learned | None) -> None:
         """Take another prior; the belief goes on. Raises PriorMismatchError."""
@@ -194,9 +196,11 @@ class JdtDetector:
             dt = DEFAULT_INTERVAL_S
         view = self.roi.view(gray, colour)
         observation = self._likelihood.observe(view, dt)
-        found, told = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
+        found, summary = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
         objects = tuple(self._describe(estimate) for estimate in found if estimate.existence > SHOWN_ABOVE)
-        return Detection(self._engine.existence, objects, told.effective_particles, told.fell_back_share)
+        return Detection(
+            self._engine.existence, objects, summary.effective_particles, summary.fell_back_share
+        )
 
     def _describe(self, found: _Found) -> DetectedObject:
         mean, spread = found.estimate.mean, found.estimate.spread / self.roi.scale

@@ -21,7 +21,7 @@ _MARGIN_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Difference:
     """An alarm whose partner was found, or is not to be found any more."""
 
     side: Side
@@ -43,7 +43,7 @@ class Differences:
         self._waiting: deque[tuple[float, bool]] = deque()
         """Alarms without a partner, oldest first, all of one side: time, and whether the shadow's."""
 
-    def step(self, time_s: float, current: bool, shadow: bool) -> tuple[Found, ...]:
+    def step(self, time_s: float, current: bool, shadow: bool) -> tuple[Difference, ...]:
         """Whether either has an alarm from this time on; returns what became clear by now."""
         if self._last is not None and time_s - self._last[0] > self._longest_s:
             self.interrupt()
@@ -77,22 +77,22 @@ class Differences:
         else:
             self.counts = replace(counts, only_shadow_s=counts.only_shadow_s + seconds)
 
-    def _raised(self, time_s: float, of_shadow: bool) -> tuple[Found, ...]:
+    def _raised(self, time_s: float, of_shadow: bool) -> tuple[Difference, ...]:
         if not self._waiting or self._waiting[0][1] == of_shadow:
             self._waiting.append((time_s, of_shadow))
             return ()
         partner_s, _ = self._waiting.popleft()
         lead_s = partner_s - time_s if of_shadow else time_s - partner_s
-        return (Found("both", partner_s, lead_s),)
+        return (Difference("both", partner_s, lead_s),)
 
-    def _expired(self, time_s: float) -> tuple[Found, ...]:
-        found: tuple[Found, ...] = ()
+    def _expired(self, time_s: float) -> tuple[Difference, ...]:
+        found: tuple[Difference, ...] = ()
         while self._waiting and time_s - self._waiting[0][0] > self._match_s + _MARGIN_S:
             raised_s, of_shadow = self._waiting.popleft()
-            found += (Found("only_shadow" if of_shadow else "only_current", raised_s),)
+            found += (Difference("only_shadow" if of_shadow else "only_current", raised_s),)
         return found
 
-    def _add(self, found: Found) -> None:
+    def _add(self, found: Difference) -> None:
         counts = self.counts
         if found.side == "both":
             self.counts = replace(counts, both=counts.both + 1, lead_s=counts.lead_s + found.lead_s)

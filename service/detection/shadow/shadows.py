@@ -17,7 +17,7 @@ from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection.detectors.make import make_detector
 from lumpwatch.service.detection.region_channel import EveryPictureFit, MakeDetector, RegionChannel
 from lumpwatch.service.detection.shadow.budget import Budget
-from lumpwatch.service.detection.shadow.differences import Differences, Found
+from lumpwatch.service.detection.shadow.differences import Difference, Differences
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import Counts, ShadowState
 from lumpwatch.service.storage import Prior
@@ -34,7 +34,7 @@ class ShadowObserver(Protocol):
     def shadow_runs(self, roi: str, version: int) -> None:
         """Which version runs; 0: none does."""
 
-    def shadow_judges(self, roi: str, existence: float) -> None:
+    def shadow_decided(self, roi: str, existence: float) -> None:
         """The probability of a lump by the shadow."""
 
     def shadow_failed(self, roi: str, reason: str) -> None:
@@ -50,7 +50,7 @@ class UnobservedShadows:
     def shadow_runs(self, roi: str, version: int) -> None:
         """Nothing."""
 
-    def shadow_judges(self, roi: str, existence: float) -> None:
+    def shadow_decided(self, roi: str, existence: float) -> None:
         """Nothing."""
 
     def shadow_failed(self, roi: str, reason: str) -> None:
@@ -75,7 +75,7 @@ class _Shadow:
         return self.channel.config.id
 
     @property
-    def looked_s(self) -> float | None:
+    def last_s(self) -> float | None:
         """When it looked last."""
         return self.channel.last_s
 
@@ -84,15 +84,15 @@ class _Shadow:
         """The probability of a lump then."""
         return None if self.channel.detection is None else self.channel.detection.existence
 
-    def look(self, frame: Frame, offset_px: tuple[int, int] = (0, 0)) -> None:
+    def step(self, frame: Frame, offset_px: tuple[int, int] = (0, 0)) -> None:
         """Filter and decide one frame, the region moved by so much; raises whatever is wrong."""
         self.channel.fit(frame.width, frame.height)
         self.pictures.offset_px = offset_px
         self.channel.step(frame)
 
-    def sees(self, time_s: float, blind_after_s: float) -> bool:
+    def is_recent(self, time_s: float, blind_after_s: float) -> bool:
         """Whether its last look is recent enough to compare."""
-        return self.looked_s is not None and time_s - self.looked_s <= blind_after_s
+        return self.last_s is not None and time_s - self.last_s <= blind_after_s
 
 
 class Shadows:
@@ -132,7 +132,7 @@ class Shadows:
             kept = None
         counts = Counts() if kept is None else kept.counts
         since = self._wall() if kept is None else kept.since
-        self._shadows[roi_id] = self._begun(self._config.roi(roi_id), prior, current, since, counts)
+        self._shadows[roi_id] = self._make_shadow(self._config.roi(roi_id), prior, current, since, counts)
 
     def follow(self, results: tuple[RoiResult, ...], spent_s: float) -> None:
         """Look at the frame of these results; the priors in use took `spent_s` for it."""
@@ -145,7 +145,7 @@ class Shadows:
             return
         self._earn(decided[0].frame, spent_s)
         # Who has waited longest comes first, so that time that is short is shared.
-        for result in sorted(decided, key=lambda result: self._shadows[result.roi].looked_s or float("-inf")):
+        for result in sorted(decided, key=lambda result: self._shadows[result.roi].last_s or float("-inf")):
             shadow = self._shadows[result.roi]
             if shadow.failed is None:
                 self._follow(shadow, result)
@@ -168,7 +168,9 @@ class Shadows:
             **asdict(shadow.differences.counts),
         )
 
-    def _begun(self, roi: RoiConfig, prior: Prior, current: int, since: datetime, counts: Counts) -> _Shadow:
+    def _make_shadow(
+        self, roi: RoiConfig, prior: Prior, current: int, since: datetime, counts: Counts
+    ) -> _Shadow:
         differences = Differences(roi.learning.shadow_match_s, self._config.blind_after_s, counts)
         pictures = EveryPictureFit()
         channel = RegionChannel(roi, prior, pictures=pictures, make=self._make)
@@ -190,28 +192,28 @@ class Shadows:
             )
         counts = shadow.differences.counts
         try:
-            looked = self._look(shadow, result.frame, result.quality.offset_px)
+            stepped = self._step(shadow, result.frame, result.quality.offset_px)
         except Exception as error:  # whatever it is: the shadow ends, the prior in use decides on
             self._end(shadow, error)
             return
         now = shadow.differences.counts
         shadow.differences.counts = replace(
-            now, frames=now.frames + looked, skipped=now.skipped + (not looked)
+            now, frames=now.frames + stepped, skipped=now.skipped + (not stepped)
         )
         if shadow.existence is not None:
-            self._observer.shadow_judges(shadow.name, shadow.existence)
+            self._observer.shadow_decided(shadow.name, shadow.existence)
         self._compare(shadow, result)
         self._observer.shadow_counted(shadow.name, counts, shadow.differences.counts)
 
-    def _look(self, shadow: _Shadow, frame: Frame, offset_px: tuple[int, int]) -> bool:
+    def _step(self, shadow: _Shadow, frame: Frame, offset_px: tuple[int, int]) -> bool:
         if self._clock is None:
-            shadow.look(frame, offset_px)
+            shadow.step(frame, offset_px)
             return True
         if not self._budget.allows(shadow.name):
             return False
         started = self._clock()
         try:
-            shadow.look(frame, offset_px)
+            shadow.step(frame, offset_px)
         finally:
             self._budget.spend(shadow.name, self._clock() - started)
         return True
@@ -219,17 +221,17 @@ class Shadows:
     def _compare(self, shadow: _Shadow, result: RoiResult) -> None:
         assert result.frame is not None
         time_s = result.frame.capture_s
-        if not shadow.sees(time_s, self._config.blind_after_s):
+        if not shadow.is_recent(time_s, self._config.blind_after_s):
             shadow.differences.interrupt()
             return
-        for found in shadow.differences.step(time_s, result.alarm.active, shadow.channel.alarm.active):
-            self._tell(shadow, found)
+        for difference in shadow.differences.step(time_s, result.alarm.active, shadow.channel.alarm.active):
+            self._log(shadow, difference)
 
-    def _tell(self, shadow: _Shadow, found: Found) -> None:
+    def _log(self, shadow: _Shadow, difference: Difference) -> None:
         where = f"{self._config.id}/{shadow.name}: shadow version {shadow.prior.version}"
-        if found.side == "both":
-            log.info("%s: alarm of both, the shadow %+.1f s earlier", where, found.lead_s)
-        elif found.side == "only_current":
+        if difference.side == "both":
+            log.info("%s: alarm of both, the shadow %+.1f s earlier", where, difference.lead_s)
+        elif difference.side == "only_current":
             log.info("%s: raises no alarm where version %d does", where, shadow.current)
         else:
             log.info("%s: would raise an alarm where version %d does not", where, shadow.current)

@@ -74,7 +74,7 @@ class ProofTest:
         self._site = site
         self._camera = camera
         self._bus = bus
-        self._watched = watched
+        self._site_state = watched
         self._keys = Keys(site)
         self._alarms = {
             roi.id: bus.alarm_publisher(self._keys.test(camera.id, roi.id)) for roi in camera.rois
@@ -84,7 +84,7 @@ class ProofTest:
     def run(self, roi_id: str, actor: str) -> ProofResult:
         """Test one ROI; INCONCLUSIVE where the daemon stops meanwhile. Raises KeyError for another ROI."""
         roi = self._camera.roi(roi_id)
-        prior = self._watched.prior(roi_id)
+        prior = self._site_state.prior(roi_id)
         result = ProofResult(
             site=self._site,
             camera=self._camera.id,
@@ -104,7 +104,7 @@ class ProofTest:
         except (LumpwatchError, ValueError) as error:
             log.error("%s/%s: proof test: %s", self._camera.id, roi_id, error)  # noqa: TRY400 - it says it all
             passage.outcome, passage.reason = Outcome.FAILED, ProofReason.ERROR
-        if passage.reason in _BROKEN and self._watched.stopped(_STOP_S):
+        if passage.reason in _BROKEN and self._site_state.stopped(_STOP_S):
             passage.outcome, passage.reason = Outcome.INCONCLUSIVE, ProofReason.STOPPED
         return result.model_copy(
             update={
@@ -119,7 +119,7 @@ class ProofTest:
     def _pass(self, roi: RoiConfig, prior: Prior | None, passage: _Passage) -> None:
         """Let the lump pass through the test chain."""
         self._check(roi.id)
-        size = self._watched.size()
+        size = self._site_state.size()
         if size is None:
             raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND)
         way = self._way(roi, prior, size)
@@ -136,23 +136,23 @@ class ProofTest:
         inbox = self._bus.frame_inbox(self._keys.test_frame(self._camera.id))
         try:
             self._ask(plan)
-            clock, began_s, heard_s = StreamClock(), None, time.monotonic()
+            clock, began_s, received_s = StreamClock(), None, time.monotonic()
             while began_s is None or passage.seen_s - began_s < way.path[-1].t_s:
                 self._check(roi.id)
                 frame = inbox.take(_TAKE_S)
                 now = time.monotonic()
                 if frame is None:
-                    if now - heard_s > self._camera.blind_after_s:
+                    if now - received_s > self._camera.blind_after_s:
                         raise _Ended(Outcome.FAILED, ProofReason.NO_FRAMES)
                     continue
                 if not inbox.same_clock:
                     frame = _translated(frame, clock, now)
-                heard_s, passage.seen_s = now, frame.capture_s
+                received_s, passage.seen_s = now, frame.capture_s
                 began_s = frame.capture_s if began_s is None else began_s
                 results = pipeline.process(frame, now)
                 pipeline.check_fit()
                 for result in results:
-                    self._tell(result)
+                    self._publish(result)
                     passage.take(result, frame, way, frame.capture_s - began_s, size, time.monotonic())
                 if passage.outcome is Outcome.PASSED:
                     return  # the camera's process sends a few more frames, to nobody
@@ -160,9 +160,9 @@ class ProofTest:
             inbox.close()
 
     def _check(self, roi: str) -> None:
-        if self._watched.stopped(0.0):
+        if self._site_state.stopped(0.0):
             raise _Ended(Outcome.INCONCLUSIVE, ProofReason.STOPPED)
-        decision = self._watched.decision(roi)
+        decision = self._site_state.decision(roi)
         if decision is not Decision.CLEAR:
             blind = decision is Decision.BLIND
             raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND if blind else ProofReason.DISTURBED)
@@ -188,11 +188,11 @@ class ProofTest:
         replies = self._bus.ask(self._keys.blend(self._camera.id), payload=plan.line(), timeout_s=_DRAW_S)
         if any(reply.payload is not None for reply in replies):
             return
-        told = replies[0].error if replies else "nobody answers"
-        log.error("%s: proof test: the camera's process: %s", self._camera.id, told)
+        error = replies[0].error if replies else "nobody answers"
+        log.error("%s: proof test: the camera's process: %s", self._camera.id, error)
         raise _Ended(Outcome.FAILED, ProofReason.NO_CAMERA)
 
-    def _tell(self, result: RoiResult) -> None:
+    def _publish(self, result: RoiResult) -> None:
         """The alarms of the test chain, on the test key."""
         for change in result.changes:
             if change.alarm_class is not AlarmClass.LUMP:

@@ -65,23 +65,23 @@ class ProofKeeper:
 
     def troubles(self, roi: str) -> dict[Trouble, bool]:
         """What the ROI's tests have to say to its system alarm."""
-        known, now = self._rois[roi], self._clocks().monotonic_s
-        failed = known.judged is not None and known.judged.outcome is Outcome.FAILED
-        since = self._began_s if known.judged_s is None else known.judged_s
+        state, now = self._rois[roi], self._clocks().monotonic_s
+        failed = state.judged is not None and state.judged.outcome is Outcome.FAILED
+        since = self._began_s if state.judged_s is None else state.judged_s
         config = self._camera.roi(roi).proof_test
         return {Trouble.PROOF_TEST: failed, Trouble.PROOF_OVERDUE: is_overdue(config, now - since)}
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Tell the ages, and start a test where one is due and none is running."""
         clocks = self._clocks()
         due = []
         for roi in self._camera.rois:
-            known = self._rois[roi.id]
-            if known.judged_s is not None:
-                self._metrics.age(roi.id, clocks.monotonic_s - known.judged_s)
-            ago = None if known.tried_s is None else clocks.monotonic_s - known.tried_s
+            state = self._rois[roi.id]
+            if state.judged_s is not None:
+                self._metrics.age(roi.id, clocks.monotonic_s - state.judged_s)
+            ago = None if state.tried_s is None else clocks.monotonic_s - state.tried_s
             wall = datetime.fromtimestamp(clocks.wall_s, UTC)
-            if is_due(roi.proof_test, wall, ago, conclusive=known.conclusive):
+            if is_due(roi.proof_test, wall, ago, conclusive=state.conclusive):
                 due.append(roi.id)
         if due and not self._running.locked():
             threading.Thread(target=self._scheduled, args=(due[0],), name="proof test", daemon=True).start()
@@ -114,15 +114,15 @@ class ProofKeeper:
             log.info("%s/%s: no proof test: %s", self._camera.id, roi, error)
 
     def _take(self, roi: str, result: ProofResult) -> None:
-        known, now = self._rois[roi], self._clocks().monotonic_s
-        known.tried_s, known.conclusive = now, result.outcome is not Outcome.INCONCLUSIVE
+        state, now = self._rois[roi], self._clocks().monotonic_s
+        state.tried_s, state.conclusive = now, result.outcome is not Outcome.INCONCLUSIVE
         why = f" ({result.reason.value})" if result.reason else ""
         level = logging.ERROR if result.outcome is Outcome.FAILED else logging.INFO
         log.log(level, "%s/%s: proof test %s%s", self._camera.id, roi, result.outcome.value, why)
         self._metrics.ended(roi, result)
-        if not known.conclusive:
+        if not state.conclusive:
             return
-        known.judged, known.judged_s = result, now
+        state.judged, state.judged_s = result, now
         path = self._folder / f"{roi}.json"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

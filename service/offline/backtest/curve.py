@@ -21,7 +21,7 @@ from lumpwatch.service.config import AlarmConfig
 from lumpwatch.service.detection import SHOWN_ABOVE
 from lumpwatch.service.offline.backtest.episodes import Score, alarm_at, score
 from lumpwatch.service.offline.backtest.intervals import (
-    NONE_SHOWS,
+    RULE_OF_THREE,
     binomial_interval,
     poisson_interval,
     poisson_upper,
@@ -38,7 +38,7 @@ THRESHOLDS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class VideoRecord:
     """A video's name, recording and truth."""
 
     clip: str
@@ -116,7 +116,7 @@ def thresholds(config: AlarmConfig) -> tuple[float, ...]:
     return tuple(sorted({*THRESHOLDS, config.raise_above}))
 
 
-def point_at(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> Point:
+def point_at(judged: Sequence[VideoRecord], config: AlarmConfig, terms: Terms) -> Point:
     """What the thresholds of `config` do on all videos."""
     scores = scores_at(judged, config, terms)
     warned = [
@@ -143,7 +143,7 @@ def point_at(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> Poi
     )
 
 
-def scores_at(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> list[Score]:
+def scores_at(judged: Sequence[VideoRecord], config: AlarmConfig, terms: Terms) -> list[Score]:
     """The score of each video at the thresholds of `config`."""
     return [score(video.recording, video.truth, config, terms.tolerance_s) for video in judged]
 
@@ -154,13 +154,13 @@ def in_time(warned_s: float | None, terms: Terms) -> bool:
     return warned_s is not None and warned_s > terms.least_warning_s - 1e-6
 
 
-def quiet_time(video: Judged, terms: Terms) -> float:
+def quiet_time(video: VideoRecord, terms: Terms) -> float:
     """Seconds of a video without a labelled lump near."""
     mask = near(video.recording.times, video.truth.lumps, terms.tolerance_s, terms.tolerance_s)
     return float(video.recording.intervals[~mask].sum())
 
 
-def curve(judged: Sequence[Judged], config: AlarmConfig, terms: Terms) -> tuple[Point, ...]:
+def curve(judged: Sequence[VideoRecord], config: AlarmConfig, terms: Terms) -> tuple[Point, ...]:
     """All thresholds, ascending."""
     return tuple(point_at(judged, alarm_at(config, raise_above), terms) for raise_above in thresholds(config))
 
@@ -169,11 +169,11 @@ def recommend(points: Sequence[Point], terms: Terms) -> Recommendation:
     """The lowest threshold from which on the rate of false alarms keeps to the wanted one."""
     good = list(takewhile(lambda point: _keeps(point, terms), reversed(points)))
     chosen = good[-1] if good else None
-    looked_at = chosen or points[-1]
+    point = chosen or points[-1]
     return Recommendation(
         chosen,
-        poisson_upper(looked_at.false_alarms, looked_at.quiet_h),
-        NONE_SHOWS / terms.false_alarms_per_hour,
+        poisson_upper(point.false_alarms, point.quiet_h),
+        RULE_OF_THREE / terms.false_alarms_per_hour,
         max(point.announced for point in points),
     )
 

@@ -18,7 +18,7 @@ import math
 from scipy.special import betaincinv, gammaincinv
 
 LEVEL = 0.95
-NONE_SHOWS = -math.log(1 - LEVEL)
+RULE_OF_THREE = -math.log(1 - LEVEL)
 """A time T without any event shows, LEVEL sure, a rate below NONE_SHOWS / T (nearly 3 / T)."""
 _TAIL = (1 - LEVEL) / 2
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lumpwatch.service.errors import LumpwatchError
-from lumpwatch.service.offline.backtest.curve import Judged, Point, in_time, quiet_time, scores_at
+from lumpwatch.service.offline.backtest.curve import Point, VideoRecord, in_time, quiet_time, scores_at
 from lumpwatch.service.offline.backtest.episodes import Score, alarm_at
 from lumpwatch.service.offline.backtest.run import Backtest, Result
 from lumpwatch.service.offline.backtest.truth import OVERLAP
@@ -97,7 +97,7 @@ def _point(point: Point) -> Record:
     }
 
 
-def _clip(video: Judged, score: Score, found: Backtest) -> Record:
+def _clip(video: VideoRecord, score: Score, found: Backtest) -> Record:
     counted = [warned for lump, warned in zip(video.truth.lumps, score.warned_s, strict=True) if lump.counted]
     return {
         "clip": video.clip,
@@ -115,7 +115,7 @@ def _clip(video: Judged, score: Score, found: Backtest) -> Record:
     }
 
 
-def _lumps(video: Judged, score: Score, found: Backtest) -> list[Record]:
+def _lumps(video: VideoRecord, score: Score, found: Backtest) -> list[Record]:
     return [
         {
             "clip": video.clip,
@@ -132,7 +132,7 @@ def _lumps(video: Judged, score: Score, found: Backtest) -> list[Record]:
     ]
 
 
-def _alarms(video: Judged, score: Score) -> list[Record]:
+def _alarms(video: VideoRecord, score: Score) -> list[Record]:
     frames, times = video.recording.frames, video.recording.times
     return [
         {

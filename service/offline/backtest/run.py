@@ -8,7 +8,14 @@ from dataclasses import dataclass
 
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.offline.backtest.archive import Clip
-from lumpwatch.service.offline.backtest.curve import Judged, Point, Recommendation, Terms, curve, recommend
+from lumpwatch.service.offline.backtest.curve import (
+    Point,
+    Recommendation,
+    Terms,
+    VideoRecord,
+    curve,
+    recommend,
+)
 from lumpwatch.service.offline.backtest.record import Failure, Recording, Setup, Task, record_all
 from lumpwatch.service.offline.backtest.truth import truth_of
 from lumpwatch.service.storage import LabelError, check_frames
@@ -19,7 +26,7 @@ class Result:
     """What one configuration did."""
 
     setup: Setup
-    judged: tuple[Judged, ...]
+    judged: tuple[VideoRecord, ...]
     points: tuple[Point, ...]
     """The curve, by ascending threshold."""
     recommendation: Recommendation
@@ -107,6 +114,8 @@ def _sort(done: Sequence[Recording | Failure], clip: Clip) -> tuple[list[Recordi
     return recordings, None
 
 
-def _judge(setup: Setup, clip: Clip, recording: Recording, fall_model: str, least_warning_s: float) -> Judged:
+def _judge(
+    setup: Setup, clip: Clip, recording: Recording, fall_model: str, least_warning_s: float
+) -> VideoRecord:
     truth = truth_of(recording, clip.boxes, setup.roi.polygon, fall_model, least_warning_s)
-    return Judged(clip.name, recording, truth)
+    return VideoRecord(clip.name, recording, truth)

@@ -19,7 +19,7 @@ from typing import Any
 from lumpwatch.service.offline.backtest.intervals import binomial_interval
 from lumpwatch.service.offline.shift.record import AlarmStory, RoiRecord
 from lumpwatch.service.offline.shift.window import Window
-from lumpwatch.service.storage import Says, Span
+from lumpwatch.service.storage import Span, VerdictOutcome
 
 Figures = dict[str, Any]
 
@@ -55,12 +55,12 @@ def shift_figures(site: str, window: Window, records: Sequence[RoiRecord], gener
         },
         "rates": _rates(records, window),
         "rois": [_of_roi(record, window) for record in records],
-        "alarms": [_told(alarm) for alarm in alarms],
+        "alarms": [_alarm_figures(alarm) for alarm in alarms],
     }
 
 
 def _of_roi(record: RoiRecord, window: Window) -> Figures:
-    seen_s, blind_s = watched(record.spans, window)
+    seen_s, blind_s = uptime(record.spans, window)
     known_s = seen_s + sum(blind_s.values())
     return {
         "camera": record.place[0],
@@ -75,8 +75,8 @@ def _of_roi(record: RoiRecord, window: Window) -> Figures:
 
 
 def _of_alarms(alarms: Sequence[AlarmStory], window: Window) -> Figures:
-    said = Counter(None if alarm.verdict is None else alarm.verdict.says for alarm in alarms)
-    true, judged = said[Says.TRUE], said[Says.TRUE] + said[Says.FALSE]
+    counts = Counter(None if alarm.verdict is None else alarm.verdict.outcome for alarm in alarms)
+    true, judged = counts[VerdictOutcome.TRUE], counts[VerdictOutcome.TRUE] + counts[VerdictOutcome.FALSE]
     acknowledged = [alarm.acknowledged_after_s for alarm in alarms]
     return {
         "lumps": len(alarms),
@@ -85,13 +85,13 @@ def _of_alarms(alarms: Sequence[AlarmStory], window: Window) -> Figures:
         "warning_s": _spread((alarm.number("lip_s") for alarm in alarms), worst=min),
         "acknowledge_s": _spread(acknowledged),
         "unacknowledged": sum(delay_s is None for delay_s in acknowledged),
-        "verdicts": {says.value: said[says] for says in Says} | {"none": said[None]},
+        "verdicts": {outcome.value: counts[outcome] for outcome in VerdictOutcome} | {"none": counts[None]},
         "precision": round(true / judged, 6) if judged else None,
         "precision_interval": [round(end, 6) for end in binomial_interval(true, judged)],
     }
 
 
-def watched(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, float]]:
+def uptime(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, float]]:
     """Seconds seen, and blind by reason, within a window.
 
     A span that reaches over the edge counts in proportion. Where spans overlap (the wall clock was put
@@ -145,7 +145,7 @@ def _spread(values: Iterable[float | None], worst: Any = max) -> Figures:
     }
 
 
-def _told(story: AlarmStory) -> Figures:
+def _alarm_figures(story: AlarmStory) -> Figures:
     raised, verdict = story.raised, story.verdict
     return {
         "time": _iso(raised.time_s),
@@ -159,7 +159,7 @@ def _told(story: AlarmStory) -> Figures:
         "acknowledged_s": _rounded(story.acknowledged_after_s),
         "acknowledged_by": None if story.acknowledged is None else story.acknowledged.actor,
         "lasted_s": _rounded(story.lasted_s),
-        "verdict": None if verdict is None else verdict.says.value,
+        "verdict": None if verdict is None else verdict.outcome.value,
         "verdict_by": None if verdict is None else verdict.actor,
         "note": None if verdict is None else verdict.note,
         "evidence": story.evidence,

@@ -129,8 +129,8 @@ def _alarms(alarms: Sequence[Figures], zone: ZoneInfo, stills: Mapping[tuple[str
         verdict = "not judged"
         if alarm["verdict"]:
             note = f": {_text(alarm['note'])}" if alarm["note"] else ""
-            says = _text(alarm["verdict"])
-            verdict = f"<span class='{says}'>{says}</span> ({_text(alarm['verdict_by'])}){note}"
+            outcome = _text(alarm["verdict"])
+            verdict = f"<span class='{outcome}'>{outcome}</span> ({_text(alarm['verdict_by'])}){note}"
         still = stills.get((alarm["camera"], alarm["roi"], alarm["id"]))
         picture = ""
         if still is not None:

@@ -47,10 +47,10 @@ def timeline(records: Sequence[RoiRecord], window: Window, zone: tzinfo) -> str:
                 label = once(name)
                 axis.bar(*bars, align="edge", color=colour, label=label, zorder=2, linewidth=0)
         for story in record.alarms:
-            says = None if story.verdict is None else story.verdict.says.value
-            colour, marker = _VERDICTS.get(says or "", _UNJUDGED)
+            outcome = None if story.verdict is None else story.verdict.outcome.value
+            colour, marker = _VERDICTS.get(outcome or "", _UNJUDGED)
             at = (story.raised.time_s - window.begin_s) / 3600
-            name = f"alarm, {says}" if says else "alarm, not judged"
+            name = f"alarm, {outcome}" if outcome else "alarm, not judged"
             axis.plot(at, row, marker, color=colour, ms=9, mew=2, label=once(name), zorder=5)
     axis.set_yticks(range(len(records)), ["/".join(record.place) for record in records])
     axis.set(xlim=(0, window.lasts_s / 3600), ylim=(len(records) - 0.5, -0.5))

@@ -16,7 +16,7 @@ from lumpwatch.service.storage import (
     latest_verdicts,
     read_events,
     reading,
-    watched_spans,
+    uptime_spans,
 )
 
 Place = tuple[str, str]
@@ -75,17 +75,17 @@ def read_shift(config: SiteConfig, window: Window) -> list[RoiRecord]:
     for camera in config.cameras:
         path = event_file(config.store.path, camera.id)
         events: list[Event] = []
-        watched: list[Span] = []
+        uptime: list[Span] = []
         verdicts: dict[tuple[str, str], Verdict] = {}
         if path.is_file():
             events = list(read_events(path, window.begin_s))
             with reading(path) as db:
-                watched = list(watched_spans(db, window.begin_s, window.end_s))
+                uptime = list(uptime_spans(db, window.begin_s, window.end_s))
                 verdicts = latest_verdicts(db)
         for roi in camera.rois:
             own = [event for event in events if event.roi == roi.id]
             record = roi_record((camera.id, roi.id), own, window, verdicts)
-            record.spans = [span for span in watched if span.roi == roi.id]
+            record.spans = [span for span in uptime if span.roi == roi.id]
             records.append(record)
     return records
 

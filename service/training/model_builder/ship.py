@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.learning import LumpFit
-from lumpwatch.service.storage import told
+from lumpwatch.service.storage import encode_fit
 
 
 def rounded(weights: dict[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float16]]:
@@ -18,7 +18,7 @@ def rounded(weights: dict[str, NDArray[np.float32]]) -> dict[str, NDArray[np.flo
 
 def write(file: Path, weights: dict[str, NDArray[np.float16]], fit: LumpFit) -> None:
     """The file that `lumpwatch.service.detection.shipped_likelihood` reads."""
-    arrays = {name: array.astype(np.float32) for name, array in told(fit).items()}
+    arrays = {name: array.astype(np.float32) for name, array in encode_fit(fit).items()}
     for default in ("fit_looks", "fit_margin", "fit_net"):  # a prior's own
         arrays.pop(default, None)
     np.savez(file, allow_pickle=False, **arrays, **{f"net_{key}": value for key, value in weights.items()})

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from lumpwatch.service.offline.backtest.curve import (
-    Judged,
     Point,
     Terms,
+    VideoRecord,
     in_time,
     point_at,
     quiet_time,
@@ -47,7 +47,7 @@ def done(folder: Path, tasks: Sequence[Task]) -> list[Task]:
     return [task for task in tasks if not missing(folder, task)]
 
 
-def judged(folder: Path, tasks: Sequence[Task], key: str) -> list[Judged]:
+def judged(folder: Path, tasks: Sequence[Task], key: str) -> list[VideoRecord]:
     """What a method said of the feeds, with their truth; those that it need not watch are left out."""
     found = []
     for task in tasks:
@@ -57,11 +57,11 @@ def judged(folder: Path, tasks: Sequence[Task], key: str) -> list[Judged]:
         boxes, true_mm = truth_boxes(folder, task)
         large = [box for box in boxes if true_mm[box.track] > _AT_LIMIT * task.spec.limit_mm]
         truth = truth_of(recording, large, polygon(task.spec.style), "fall", TERMS.least_warning_s)
-        found.append(Judged(task.name, recording, truth))
+        found.append(VideoRecord(task.name, recording, truth))
     return found
 
 
-def curve(feeds: Sequence[Judged], key: str) -> list[Point]:
+def curve(feeds: Sequence[VideoRecord], key: str) -> list[Point]:
     """All thresholds of a method, ascending."""
     peer = PEERS[key]
     return [point_at(feeds, peer.alarm(raise_above), TERMS) for raise_above in peer.thresholds]
@@ -120,7 +120,7 @@ class Cell:
 NOTHING = Cell((), (), 0, 0.0)
 
 
-def cell(feeds: Sequence[Judged], key: str, raise_above: float) -> Cell:
+def cell(feeds: Sequence[VideoRecord], key: str, raise_above: float) -> Cell:
     """What a threshold gives on feeds."""
     scores = scores_at(feeds, PEERS[key].alarm(raise_above), TERMS)
     warned = [

@@ -19,7 +19,7 @@ KEEP_EVERY_S = 5.0
 """How often what was counted is written to the store; a monitor that is killed loses as much."""
 
 
-class ShadowDesk:
+class ShadowRunner:
     """Used by the monitor's main loop, behind the decisions."""
 
     def __init__(
@@ -45,7 +45,7 @@ class ShadowDesk:
         """Show the shadows a frame that was decided and announced, which took `spent_s`."""
         self._shadows.follow(results, spent_s)
 
-    def tell(self, now_s: float) -> None:
+    def publish(self, now_s: float) -> None:
         """Publish the state of each shadow, and keep it every few seconds."""
         keep = now_s - self._kept_s >= KEEP_EVERY_S
         for roi in sorted(self._rois):

@@ -5,14 +5,14 @@ from __future__ import annotations
 from lumpwatch.service.core import LumpSize, RoiResult
 
 
-class LargestSeen:
+class LargestLump:
     """Follows the sizes of one ROI's objects while its lump alarm is active."""
 
     def __init__(self) -> None:
         self._sizes: dict[int, LumpSize] = {}
         self._active = False
 
-    def saw(self, result: RoiResult) -> None:
+    def observe(self, result: RoiResult) -> None:
         """A result of that ROI, before its changes are told."""
         active = result.alarm.active
         if active and not self._active:
@@ -24,7 +24,7 @@ class LargestSeen:
                 found.id: found.size for found in known if found.size and found.size.longest_mm is not None
             }
 
-    def told(self) -> dict[str, float | str | None]:
+    def details(self) -> dict[str, float | str | None]:
         """Longest diameter in mm and the interval that holds it with 90 %; empty where none is known."""
         if not self._sizes:
             return {}

@@ -5,16 +5,20 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lumpwatch.service.core.debounce import Holds, Times
+from lumpwatch.service.core.debounce import DebounceTimes, ReasonDebouncer
 from lumpwatch.service.core.decision import BlindReason
 
 R = BlindReason
-TIMES = {R.DARK: Times(1.0, 2.0), R.GLARE: Times(2.0, 1.0), R.BLURRED: Times(3.0, 2.0)}
+TIMES = {
+    R.DARK: DebounceTimes(1.0, 2.0),
+    R.GLARE: DebounceTimes(2.0, 1.0),
+    R.BLURRED: DebounceTimes(3.0, 2.0),
+}
 
 
 def said(findings: list[tuple[float, set[BlindReason]]]) -> list[BlindReason | None]:
-    holds = Holds(TIMES)
-    return [holds.step(time_s, found) for time_s, found in findings]
+    debouncer = ReasonDebouncer(TIMES)
+    return [debouncer.step(time_s, found) for time_s, found in findings]
 
 
 def test_a_finding_must_last_and_so_must_its_end() -> None:
@@ -58,16 +62,16 @@ def test_what_is_switched_off_is_not_found() -> None:
 def test_nothing_unfit_is_clear_for_longer_than_the_limit(
     steps: list[tuple[float, set[BlindReason]]],
 ) -> None:
-    holds, time_s = Holds(TIMES), 0.0
+    debouncer, time_s = ReasonDebouncer(TIMES), 0.0
     since: float | None = None
     quiet: float | None = None
     for wait_s, found in steps:
         time_s += wait_s
-        reason = holds.step(time_s, found)
+        reason = debouncer.step(time_s, found)
         unfit = bool(found & set(TIMES))
         since = (time_s if since is None else since) if unfit else None
         quiet = None if unfit else (time_s if quiet is None else quiet)
-        if since is not None and time_s - since >= holds.limit_s:
+        if since is not None and time_s - since >= debouncer.limit_s:
             assert reason is not None
         if quiet is not None and time_s - quiet >= max(one.exit_s for one in TIMES.values()):
             assert reason is None

@@ -37,7 +37,7 @@ class Report:
     """Monotonic time of each ROI's last decision on a frame."""
 
 
-class WorkerLink:
+class DaemonConnection:
     """The worker's end."""
 
     def __init__(self, connection: Connection, registry: CollectorRegistry) -> None:
