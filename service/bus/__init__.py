@@ -5,7 +5,7 @@ from lumpwatch.service.bus.client import Bus
 from lumpwatch.service.bus.codec import FrameHeader
 from lumpwatch.service.bus.endpoints import Callback, Handler, Publisher
 from lumpwatch.service.bus.errors import BusClosed
-from lumpwatch.service.bus.frames import SHARED_MEMORY_MIB
+from lumpwatch.service.bus.frames import SHARED_MEMORY_MIB, FrameInbox
 from lumpwatch.service.bus.handles import Handle
 from lumpwatch.service.bus.keys import KEY_OF, Keys, Kind, command_key
 from lumpwatch.service.bus.ordering import Message
@@ -19,6 +19,7 @@ __all__ = [
     "BusClosed",
     "Callback",
     "FrameHeader",
+    "FrameInbox",
     "Handle",
     "Handler",
     "Keys",

@@ -16,7 +16,6 @@ from zenoh import CongestionControl, Priority, ext
 from lumpwatch.service.bus.callback_queue import Worker
 from lumpwatch.service.bus.endpoints import (
     ALARMS_KEPT,
-    AliveCallback,
     Callback,
     Handler,
     Publisher,
@@ -31,8 +30,9 @@ from lumpwatch.service.bus.endpoints import (
 from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.frames import FrameInbox, FramePublisher
 from lumpwatch.service.bus.handles import Handle, direct, queue, reason, shut, undeclares
-from lumpwatch.service.bus.ordering import Due, InOrder, Message
+from lumpwatch.service.bus.ordering import InOrder, Message
 from lumpwatch.service.bus.services import Lanes, Service
+from lumpwatch.service.bus.subscriptions import declare_alarm_subscriber, declare_subscriber
 
 _log = logging.getLogger(__name__)
 
@@ -138,21 +138,9 @@ class Bus:
     def subscribe(self, selector: str, callback: Callback, *, history: bool = False) -> Handle:
         """Call back with key and payload of each message; with `history` first with the last values."""
         with self._receiving(selector) as worker:
-
-            def pass_on(sample: zenoh.Sample) -> None:
-                if sample.kind == zenoh.SampleKind.PUT:
-                    callback(str(sample.key_expr), sample.payload.to_bytes())
-
-            deliver = direct(queue(worker, pass_on))
-            if not history:
-                return self._received(worker, undeclares(self._session.declare_subscriber(selector, deliver)))
-            subscriber = ext.declare_advanced_subscriber(
-                self._session,
-                selector,
-                deliver,
-                history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+            return self._received(
+                worker, declare_subscriber(self._session, selector, worker, callback, history)
             )
-            return self._received(worker, undeclares(subscriber))
 
     def subscribe_alarms(
         self, selector: str, callback: Callback, on_missed: Callable[[int], None] | None = None
@@ -166,32 +154,8 @@ class Bus:
         """
         order = InOrder(self._recent)
         with self._receiving(selector) as worker:
-
-            def pass_on(due: Due) -> None:
-                messages, lost = due
-                if lost and on_missed is not None:
-                    worker.guard(partial(on_missed, lost))
-                for message in messages:
-                    worker.guard(partial(callback, message.key, message.payload))
-
-            def arrived(sample: zenoh.Sample) -> None:
-                if sample.kind == zenoh.SampleKind.PUT:
-                    pass_on(order.due(to_message(sample)))
-
-            def appeared(sample: zenoh.Sample) -> None:
-                """A publisher is there: what it keeps of itself and its predecessors may be news."""
-                if sample.kind == zenoh.SampleKind.PUT:
-                    pass_on(order.catch_up(str(sample.key_expr).partition("/@adv/")[0]))
-
-            subscriber = ext.declare_advanced_subscriber(
-                self._session,
-                selector,
-                direct(queue(worker, arrived)),
-                history=ext.HistoryConfig(detect_late_publishers=True, max_samples=ALARMS_KEPT),
-                recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
-            )
-            publishers = subscriber.detect_publishers(direct(queue(worker, appeared)), history=True)
-            return self._received(worker, undeclares(publishers), undeclares(subscriber))
+            closers = declare_alarm_subscriber(self._session, selector, worker, order, callback, on_missed)
+            return self._received(worker, *closers)
 
     def serve(self, key: str, handler: Handler) -> Handle:
         """Answer the queries of `key`; what the handler raises goes back as one line of error."""
@@ -236,24 +200,6 @@ class Bus:
         with self._declaring(key):
             token.on_close(undeclares(self._session.liveliness().declare_token(key)))
         return self._keep(token, self._senders)
-
-    def watch_alive(self, selector: str, callback: AliveCallback) -> Handle:
-        """Call back with key and presence of each token, those that are there already included."""
-        with self._receiving(selector) as worker:
-
-            def pass_on(sample: zenoh.Sample) -> None:
-                callback(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-
-            watcher = self._session.liveliness().declare_subscriber(
-                selector, direct(queue(worker, pass_on)), history=True
-            )
-            return self._received(worker, undeclares(watcher))
-
-    def list_alive(self, selector: str, timeout_s: float = 2.0) -> list[str]:
-        """The keys of the tokens that are there, sorted."""
-        with self._declaring(selector):
-            replies = self._session.liveliness().get(selector, timeout=timeout_s)
-            return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
     def _begin_close(self) -> bool:
         with self._lock:

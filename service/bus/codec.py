@@ -107,13 +107,11 @@ def decode_header(attachment: bytes) -> FrameHeader:
         raise MalformedMessage(_reason(error)) from error
 
 
-def decode_frame(payload: bytes, attachment: bytes) -> Frame:
-    """The frame; raises MalformedMessage, never anything else. Raw pixels are a read-only view of payload."""
-    return decode_pixels(payload, decode_header(attachment))
-
-
 def decode_pixels(payload: bytes, header: FrameHeader) -> Frame:
-    """The frame of a header that was already checked; raises MalformedMessage."""
+    """The frame of a header that was already checked; raises MalformedMessage, never anything else.
+
+    Raw pixels are a read-only view of the payload.
+    """
     header.check_length(len(payload))
     thumb = None
     if header.thumb is not None:

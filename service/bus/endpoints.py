@@ -25,8 +25,6 @@ _HEARTBEAT_S = 0.5
 
 Callback = Callable[[str, bytes], None]
 """Receives key and payload."""
-AliveCallback = Callable[[str, bool], None]
-"""Receives the key of a liveliness token and whether it is there."""
 Handler = Callable[[dict[str, str], bytes | None], bytes]
 """Answers a query: parameters and payload to the reply's payload; an exception becomes an error reply."""
 

@@ -139,10 +139,6 @@ class Keys:
         """Selector: the alarms of all proof tests."""
         return f"{self._root}/*/*/{Kind.TEST}"
 
-    def everyone_alive(self) -> str:
-        """Selector: the liveliness tokens of all processes (a plain `**` does not match them)."""
-        return f"{self._root}/{Kind.ALIVE}/**"
-
     @property
     def _root(self) -> str:
         return f"{_ROOT}/{self.site}"

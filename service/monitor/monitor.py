@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import replace
 
 from lumpwatch.service.bus import Bus, Keys
 from lumpwatch.service.config import SiteConfig
@@ -22,7 +21,6 @@ from lumpwatch.service.core import (
     Frame,
     RoiResult,
     Rules,
-    StreamClock,
     Trouble,
 )
 from lumpwatch.service.detection import CameraPipeline
@@ -32,7 +30,7 @@ from lumpwatch.service.monitor.announcer import Announcer
 from lumpwatch.service.monitor.artifacts import ArtifactWatcher, NewPrior, NewReference, NewShadow
 from lumpwatch.service.monitor.command_server import CommandServer
 from lumpwatch.service.monitor.heartbeat import LastDecision, heartbeat
-from lumpwatch.service.monitor.inbox_counts import InboxCounts
+from lumpwatch.service.monitor.inbox import Inbox
 from lumpwatch.service.monitor.proof.chain import Site
 from lumpwatch.service.monitor.proofs import Proofs
 from lumpwatch.service.monitor.shadow_runner import ShadowRunner
@@ -111,7 +109,7 @@ class Monitor:
         )
         self._run_shadows(tuple(artifact for artifact in found if isinstance(artifact, NewShadow)))
         self._keys = Keys(config.site)
-        self._inbox = bus.frame_inbox(self._keys.frame(camera_id))
+        self._inbox = Inbox(bus.frame_inbox(self._keys.frame(camera_id)), metrics.dropped, self._now)
         self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
         self._proofs = make_proofs(self._proof_site())
         self._announcer = Announcer(
@@ -137,8 +135,6 @@ class Monitor:
         )
         self._decisions: dict[str, RoiResult] = {}
         self._decided_s: dict[str, float] = {}
-        self._far_clock = StreamClock()  # of a camera process on another host
-        self._inbox_counts = InboxCounts(metrics.dropped)
         self._beats = 0
         self._polled_s = self._beat_s = 0.0
 
@@ -152,7 +148,7 @@ class Monitor:
         self._artifacts.start()
         while not self._daemon.stop.is_set():
             self._daemon.beat()
-            frame = self._take()
+            frame = self._inbox.take(POLL_EVERY_S)
             now = self._now()
             with self._lock:
                 self._adopt()
@@ -216,14 +212,6 @@ class Monitor:
     def _run_proof(self, roi: str, request: ProofRequest) -> bytes:
         return self._proofs.test(roi, request.actor).line()
 
-    def _take(self) -> Frame | None:
-        """The newest frame, with its times on the clock of this host."""
-        frame = self._inbox.take(POLL_EVERY_S)
-        if frame is None or self._inbox.same_clock:
-            return frame
-        received = self._far_clock.stamp(frame.received_s, self._now()).capture_s
-        return replace(frame, received_s=received, capture_s=received - (frame.received_s - frame.capture_s))
-
     def _decide(self, frame: Frame | None, now: float) -> tuple[RoiResult, ...]:
         """Filter and announce; nothing for a frame that is not newer, or that does not fit."""
         if frame is None:
@@ -279,7 +267,7 @@ class Monitor:
         """Once a second."""
         self._send_heartbeat(now)
         self._announcer.confirm()
-        self._inbox_counts.publish(self._inbox.skipped, self._inbox.malformed)
+        self._inbox.count_losses()
         self._measure()
         self._shadows.publish(now)
         self._proofs.poll()

@@ -23,6 +23,7 @@ from lumpwatch.service.config.bus import AccessConfig, BusConfig, TlsConfig
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.protocol import COMMANDS
 from tests.bus.test_bus_support import eventually, free_endpoint
+from tests.bus.tokens import Tokens
 from tests.service_helpers import site_tree
 
 SCRIPT = Path(__file__).parents[2] / "deploy" / "security" / "certificates.sh"
@@ -188,15 +189,20 @@ def test_only_operators_acknowledge(
 def test_nobody_but_a_daemon_answers_for_the_site(
     hub: Bus, monitor: Bus, site: dict[str, TlsConfig], endpoint: str
 ) -> None:
-    with join(endpoint, site["guest"]) as liar, join(endpoint, site["anna"]) as anna:
+    alive = "lumpwatch/v1/north-pit/@alive/**"
+    with (
+        join(endpoint, site["guest"]) as liar,
+        join(endpoint, site["anna"]) as anna,
+        Tokens(endpoint, alive, site["anna"]) as tokens,
+    ):
         liar.serve(ACK, lambda *_: b"acknowledged, believe me")
         liar.alive(KEYS.alive("monitor", "crusher-1"))
         with closing(monitor.serve(ACK, lambda *_: b"true")):
             eventually(lambda: bool(anna.ask(ACK, {"actor": "anna"}, timeout_s=0.5)))
         assert [reply.payload for reply in anna.ask(ACK, {"actor": "anna"}, timeout_s=0.5)] == []
-        assert anna.list_alive(KEYS.everyone_alive()) == []
+        assert tokens.present() == []
         with closing(monitor.alive(KEYS.alive("monitor", "crusher-1"))):
-            eventually(lambda: anna.list_alive(KEYS.everyone_alive()) != [])
+            eventually(lambda: tokens.present() != [])
 
 
 def test_only_plant_control_suppresses(

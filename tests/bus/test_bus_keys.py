@@ -42,7 +42,6 @@ def test_selectors_are_those_of_the_contract() -> None:
     assert keys.states() == "lumpwatch/v1/s/*/*/state"
     assert keys.alarms() == "lumpwatch/v1/s/*/*/alarm"
     assert keys.levels() == "lumpwatch/v1/s/*/*/level"
-    assert keys.everyone_alive() == "lumpwatch/v1/s/@alive/**"
 
 
 def test_a_selector_matches_keys_of_its_own_kind_only() -> None:

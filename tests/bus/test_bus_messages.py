@@ -17,6 +17,7 @@ from lumpwatch.service.bus.ordering import Message
 from lumpwatch.service.bus.services import Service
 from lumpwatch.service.bus.session import open_client, open_hub
 from tests.bus.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config, repeat
+from tests.bus.tokens import Tokens
 
 KEYS = Keys("north")
 STATE, ALARM, ACK = KEYS.state("c", "r"), KEYS.alarm("c", "r"), KEYS.command("c", "r", "ack")
@@ -307,20 +308,18 @@ def test_parameters_that_are_not_utf8_are_refused(
 def test_liveliness_of_a_token_and_of_its_process(hub: Bus, two: Bus) -> None:
     key, before = KEYS.alive("camera", "c"), KEYS.alive("monitor", "m")
     two.alive(before)
-    events: list[tuple[str, bool]] = []
-    eventually(lambda: hub.list_alive(KEYS.everyone_alive()) == [before])
-    hub.watch_alive(KEYS.everyone_alive(), lambda key, alive: events.append((key, alive)))
-    eventually(lambda: events == [(before, True)])
-    with open_client(client_config(hub.endpoints[0]), wait=False) as client:
-        token = client.alive(key)
-        eventually(lambda: events[1:] == [(key, True)])
-        assert two.list_alive(KEYS.everyone_alive()) == [key, before]
-        token.close()
-        eventually(lambda: events[2:] == [(key, False)])
-        client.alive(key)
-        eventually(lambda: events[3:] == [(key, True)])
-    eventually(lambda: events[4:] == [(key, False)])
-    assert two.list_alive(KEYS.everyone_alive()) == [before]
+    with Tokens(hub.endpoints[0], "lumpwatch/v1/north/@alive/**") as tokens:
+        eventually(lambda: tokens.events == [(before, True)])
+        with open_client(client_config(hub.endpoints[0]), wait=False) as client:
+            token = client.alive(key)
+            eventually(lambda: tokens.events[1:] == [(key, True)])
+            assert tokens.present() == [key, before]
+            token.close()
+            eventually(lambda: tokens.events[2:] == [(key, False)])
+            client.alive(key)
+            eventually(lambda: tokens.events[3:] == [(key, True)])
+        eventually(lambda: tokens.events[4:] == [(key, False)])
+        assert tokens.present() == [before]
 
 
 def test_parameters_on_the_wire() -> None:

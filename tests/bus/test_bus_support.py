@@ -165,7 +165,6 @@ def _abandon(endpoint: str, key: str) -> None:
     bus = open_client(client_config(endpoint))
     bus.subscribe(key, lambda _key, _payload: time.sleep(0.01))
     bus.serve(f"{key}/query", lambda _parameters, _payload: b"")
-    bus.watch_alive(f"{key}/alive", lambda _key, _alive: None)
     bus.frame_inbox(key)
     bus.publisher(f"{key}/state").put(b"1")
     print("ready", flush=True)

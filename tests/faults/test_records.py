@@ -26,6 +26,7 @@ from lumpwatch.service.config import load_config
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events
 from lumpwatch.service.storage.prior_store import PriorStore
 from tests.bus.test_bus_support import Child, free_endpoint
+from tests.bus.tokens import Tokens
 from tests.faults.outside import BLIND_AFTER_S, KEYS, NOTICED_S, PATIENCE_S, ROI, Outside
 from tests.faults.table import Record, Row
 from tests.integration.feed import Feed
@@ -269,17 +270,11 @@ def test_the_monitor_is_killed_while_there_is_a_lump(site: Site, record: Record)
     feed.bright = True
     outside.wait(CAM, "UNACKNOWLEDGED", since_s=began)
     raised = outside.raised(CAM, began)
-    alive = KEYS.alive("monitor", CAM)
-    gone: list[float] = []
-
-    def token(key: str, there: bool) -> None:
-        if not there:
-            gone.append(time.monotonic())
-
-    watching = outside.bus.watch_alive(alive, token)
-    killed = site.kill_monitor()
-    noticed = wait_for("token gone", lambda: gone, 10)[0] - killed
-    watching.close()
+    with Tokens(site.endpoint, KEYS.alive("monitor", CAM)) as tokens:
+        wait_for("token there", lambda: tokens.events, 10)
+        killed = site.kill_monitor()
+        wait_for("token gone", lambda: any(not there for _, there in tokens.events), 10)
+        noticed = time.monotonic() - killed
     back = outside.wait(CAM, "UNACKNOWLEDGED", since_s=killed + noticed)
     assert back.sequence == raised["data"]["sequence"]
     seen = outside.sees(CAM, killed + noticed)

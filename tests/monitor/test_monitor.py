@@ -10,9 +10,12 @@ from typing import Any
 import pytest
 
 from lumpwatch.service.core import (
+    Alarm,
     AlarmClass,
     AlarmRequestError,
+    Changed,
     Frame,
+    Rules,
     Trouble,
     all_of,
     suppress,

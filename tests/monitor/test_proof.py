@@ -301,8 +301,8 @@ class World:
 def test_a_failure_is_a_trouble_until_a_test_passes_over_restarts_too(tmp_path: Path) -> None:
     world = World(tmp_path)
     world.outcome = Outcome.FAILED
-    told = json.loads(world.keeper.request("apron", {"actor": "anna"}, None))
-    assert (told["outcome"], told["actor"]) == ("failed", "anna")
+    result = world.keeper.test("apron", "anna")
+    assert (result.outcome, result.actor) == (Outcome.FAILED, "anna")
     assert world.troubles() == {Trouble.PROOF_TEST}
     world.now_s += 100.0
     world.keeper = world.made()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
@@ -20,6 +20,7 @@ from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import AlarmClass, Change, Clocks, Decision, Frame, RoiResult, StreamClock, utc
 from lumpwatch.service.detection import CameraPipeline, make_plane, make_profile, make_region
 from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.monitor.inbox import on_this_clock
 from lumpwatch.service.monitor.proof.path import Way, greys_of, make_way, reached_lip
 from lumpwatch.service.protocol import (
     BlendPlan,
@@ -146,7 +147,7 @@ class ProofTest:
                         raise _Ended(Outcome.FAILED, ProofReason.NO_FRAMES)
                     continue
                 if not inbox.same_clock:
-                    frame = _translated(frame, clock, now)
+                    frame = on_this_clock(frame, clock, now)
                 received_s, passage.seen_s = now, frame.capture_s
                 began_s = frame.capture_s if began_s is None else began_s
                 results = pipeline.process(frame, now)
@@ -243,12 +244,6 @@ def overlaps(result: RoiResult, place: LumpAt, size: tuple[int, int]) -> bool:
         and abs(detected.y + detected.h / 2 - y) < (h + detected.h) / 2
         for detected in found
     )
-
-
-def _translated(frame: Frame, clock: StreamClock, arrived_s: float) -> Frame:
-    """A frame of another host, with its times on this one's clock."""
-    received = clock.stamp(frame.received_s, arrived_s).capture_s
-    return replace(frame, received_s=received, capture_s=received - (frame.received_s - frame.capture_s))
 
 
 def _now() -> datetime:

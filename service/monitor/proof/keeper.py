@@ -18,7 +18,7 @@ from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Clocks, Trouble
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.monitor.proof.schedule import is_due, is_overdue
-from lumpwatch.service.protocol import Outcome, ProofRequest, ProofResult
+from lumpwatch.service.protocol import Outcome, ProofResult
 from lumpwatch.service.storage import replace_file
 from lumpwatch.service.telemetry import ProofMetrics
 
@@ -85,15 +85,6 @@ class ProofKeeper:
                 due.append(roi.id)
         if due and not self._running.locked():
             threading.Thread(target=self._scheduled, args=(due[0],), name="proof test", daemon=True).start()
-
-    def request(self, roi: str, parameters: dict[str, str], payload: bytes | None) -> bytes:
-        """Answer a query on the proof key, when the test has ended. Raises ProofError."""
-        try:
-            asked = ProofRequest.model_validate(parameters) if parameters or not payload else None
-            asked = asked or ProofRequest.model_validate_json(payload or b"{}")
-        except ValidationError as error:
-            raise ProofError(f"actor: {error.errors()[0]['msg']}") from error
-        return self.test(roi, asked.actor).line()
 
     def test(self, roi: str, actor: str) -> ProofResult:
         """Test one ROI. Raises ProofError while another test of the camera is running."""

@@ -1,0 +1,57 @@
+"""Liveliness tokens as another program sees them: by zenoh alone, for the service itself watches none."""
+
+from __future__ import annotations
+
+import json
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+from lumpwatch.service.config import TlsConfig
+
+
+class Tokens:
+    """The tokens that a client sees, and what became of them since it joined; a context manager."""
+
+    def __init__(self, endpoint: str, selector: str, tls: TlsConfig | None = None) -> None:
+        self.events: list[tuple[str, bool]] = []
+        """Key of a token, and whether it is there; those that were there already come first."""
+        self._selector = selector
+        self._session = zenoh.open(_settings(endpoint, tls))
+        self._session.liveliness().declare_subscriber(selector, self._changed, history=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+    def present(self) -> list[str]:
+        """The keys of those that are there now, sorted."""
+        replies = self._session.liveliness().get(self._selector, timeout=2.0)
+        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+
+    def _changed(self, sample: zenoh.Sample) -> None:
+        self.events.append((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+
+
+def _settings(endpoint: str, tls: TlsConfig | None) -> zenoh.Config:
+    values: dict[str, object] = {
+        "mode": "client",
+        "scouting/multicast/enabled": False,
+        "connect/endpoints": [endpoint],
+    }
+    if tls is not None:
+        values |= {
+            "transport/link/tls/root_ca_certificate": str(tls.ca),
+            "transport/link/tls/connect_certificate": str(tls.certificate),
+            "transport/link/tls/connect_private_key": str(tls.key),
+            "transport/link/tls/enable_mtls": True,
+        }
+    settings = zenoh.Config()
+    for name, value in values.items():
+        settings.insert_json5(name, json.dumps(value))
+    return settings
