@@ -19,7 +19,7 @@ from tests.reproduction.real import ore, page, runner, suite
 from tests.reproduction.real.belts import Load, composite, quarry
 from tests.reproduction.real.cctv import BELTS, reel
 from tests.reproduction.real.feeds import sites
-from tests.reproduction.real.judge import Lump, Said, Verdict, judge, judge_folder, read_labels
+from tests.reproduction.real.judge import Labels, Lump, Said, Verdict, judge, judge_folder, read_labels
 from tests.reproduction.real.ore import SIDE, STEP, Piece, join, pieces, place_of
 from tests.reproduction.real.peers import watch_peer
 from tests.reproduction.real.render import Air, Scene, frames, length_of, write
