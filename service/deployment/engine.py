@@ -63,7 +63,7 @@ class DockerEngine:
         except (docker.errors.DockerException, requests.RequestException) as error:
             raise DeployError(f"image {reference}: {_reason(error)}") from error
         try:
-            return str(self._client.images.pull(*_name_and_tag(reference)).id)
+            return str(self._client.images.pull(*name_and_tag(reference)).id)
         except (docker.errors.DockerException, requests.RequestException) as error:
             raise DeployError(
                 f"image {reference}: the engine does not have it and cannot pull it ({_reason(error)}); "
@@ -218,7 +218,7 @@ def _options(bundle: Bundle) -> dict[str, Any]:
     }
 
 
-def _name_and_tag(reference: str) -> tuple[str, str | None]:
+def name_and_tag(reference: str) -> tuple[str, str | None]:
     """`host:5000/name:tag` in its two parts; without a tag, `latest` and not all of them."""
     name, colon, tag = reference.rpartition(":")
     if "@" in reference:

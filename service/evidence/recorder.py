@@ -144,7 +144,7 @@ class Recorder:
         group.kept.append(kept)
         group.size += size
         for recording in tuple(self._running):
-            if self._clips_size() + size > 2 * self._config.memory_mb * _MIB:
+            if self.clips_size + size > 2 * self._config.memory_mb * _MIB:
                 self._observer.evidence_problem("memory")
                 self._finish(recording, "memory")
             else:
@@ -164,7 +164,7 @@ class Recorder:
         if not self._fits():
             self._observer.evidence_problem("memory")
             return False
-        size = self._ring_size()
+        size = self.ring_size
         kept = [moment for group in self._groups for moment in group.kept]
         start = self._groups[0].before[trigger.roi]
         self._running.append(_Recording(trigger, start, kept, len(kept) - 1, size))
@@ -191,12 +191,21 @@ class Recorder:
         return trigger.alarm_class.value in self._config.classes and bool(self._groups)
 
     def _fits(self) -> bool:
-        return self._clips_size() + self._ring_size() <= 2 * self._config.memory_mb * _MIB
+        return self.clips_size + self.ring_size <= 2 * self._config.memory_mb * _MIB
 
-    def _ring_size(self) -> int:
+    @property
+    def ring_frames(self) -> int:
+        """How many frames are in the ring."""
+        return sum(len(group.kept) for group in self._groups)
+
+    @property
+    def ring_size(self) -> int:
+        """Bytes of the frames in the ring."""
         return sum(group.size for group in self._groups)
 
-    def _clips_size(self) -> int:
+    @property
+    def clips_size(self) -> int:
+        """Bytes of the clips that run and of those that wait to be written."""
         return self._waiting() + sum(recording.size for recording in self._running)
 
     def _trim(self, newest_s: float) -> None:

@@ -31,9 +31,9 @@ Verdicts = Callable[[], dict[tuple[str, str], str]]
 
 
 def serve_evidence(
-    store: EvidenceStore, camera: str, roi: str, verdicts: Verdicts
+    store: EvidenceStore, camera: str, roi: str, verdicts: Verdicts, piece: int = PIECE
 ) -> Callable[[EvidenceRequest], bytes]:
-    """Answers the evidence requests of a ROI; errors are EvidenceError."""
+    """Answers the evidence requests of a ROI, at most `piece` bytes of a file at once; errors are EvidenceError."""
 
     def handle(asked: EvidenceRequest) -> bytes:
         if asked.id is None:
@@ -46,7 +46,8 @@ def serve_evidence(
         evidence = read_evidence(store.folder(camera, roi, asked.id))
         if asked.file is None:
             return json.dumps(as_json(evidence.meta, verdicts())).encode()
-        return _piece(evidence, asked.file, asked.offset, asked.length)
+        length = piece if asked.length is None else min(asked.length, piece)
+        return _piece(evidence, asked.file, asked.offset, length)
 
     return handle
 
@@ -125,13 +126,13 @@ def _listing(folder: Path, verdicts: dict[tuple[str, str], str]) -> dict[str, An
         return None
 
 
-def _piece(evidence: Evidence, name: str, offset: int, length: int | None) -> bytes:
+def _piece(evidence: Evidence, name: str, offset: int, length: int) -> bytes:
     if name not in (META, *evidence.meta.files):
         raise EvidenceError(f"file: '{name[:60]}' is none of {', '.join((META, *evidence.meta.files))}")
     path = evidence.folder / name
     try:
         with path.open("rb") as file:
             file.seek(offset)
-            return file.read(PIECE if length is None else min(length, PIECE))
+            return file.read(length)
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from error

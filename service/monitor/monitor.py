@@ -69,8 +69,12 @@ class Monitor:
         make_proofs: Callable[[Site], Proofs],
         clock: str,
         clocks: Callable[[], Clocks],
+        priors: PriorStore | None = None,
     ) -> None:
-        """`clock` names this host's monotonic clock, `clocks` tells the time."""
+        """`clock` names this host's monotonic clock, `clocks` tells the time.
+
+        `priors` None: those of the configured store.
+        """
         self._site = config.site
         self._camera = config.camera(camera_id)
         self._bus = bus
@@ -80,7 +84,7 @@ class Monitor:
         self._clocks = clocks
         self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
         self._rois = tuple(roi.id for roi in self._camera.rois)
-        store = PriorStore(config.store.path, config.store.keep_priors)
+        store = PriorStore(config.store.path, config.store.keep_priors) if priors is None else priors
         self._artifacts = ArtifactWatcher(
             camera=camera_id,
             rois=self._rois,

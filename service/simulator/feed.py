@@ -95,7 +95,7 @@ class FeedSimulator:
             picture = np.asarray(cv2.LUT(cv2.merge((picture, picture, picture)), self._tint), np.uint8)
         if self._link is not None:
             picture = self._link.through(picture, self._frame)
-        truths = tuple(truth for r in rocks if r.id and (truth := self._truth(r, t, dx, dy)) is not None)
+        truths = tuple(truth for r in rocks if r.id and (truth := self.truth(r, t, dx, dy)) is not None)
         self._frame += 1
         return picture, truths
 
@@ -106,7 +106,8 @@ class FeedSimulator:
         """
         self._frame += frames
 
-    def _truth(self, rock: Rock, t: float, dx: float, dy: float) -> Truth | None:
+    def truth(self, rock: Rock, t: float, dx: float = 0.0, dy: float = 0.0) -> Truth | None:
+        """The label of a rock at time t in a picture that is moved by dx and dy px; None where too little shows."""
         u, v, scale = self.geometry.project(rock.x, rock.y, rock.z)
         size, shape = rock.size_mm * scale, rock.shape
         # In units of the lump's diameter, from the middle of its box. The picture's upper border

@@ -39,7 +39,7 @@ class Scene:
         self._draw_bed(canvas, self._belt.distance(t))
         self._draw_fall(canvas, t)
         for rock in rocks:
-            self._draw_rock(canvas, rock)
+            self.draw_rock(canvas, rock)
         return canvas
 
     def _make_bands(self) -> list[tuple[int, int, int, NDArray[np.uint8]]]:
@@ -123,7 +123,8 @@ class Scene:
         window = canvas[top:bottom]
         window[:] = window + cover * (ore - window)
 
-    def _draw_rock(self, canvas: NDArray[np.uint8], rock: Rock) -> None:
+    def draw_rock(self, canvas: NDArray[np.uint8], rock: Rock) -> None:
+        """Draw one rock with its shadow over what is on the (h, w) canvas."""
         shape = rock.shape
         u, v, scale = self._geometry.project(rock.x, rock.y, rock.z)
         size = rock.size_mm * scale

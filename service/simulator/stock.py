@@ -82,8 +82,12 @@ class Stock:
 
     def lump(self, rng: Generator, plain: int, buried: bool) -> Shape:
         """The shape of a lump; `plain` is the number of its shape where no kind is asked for."""
-        shapes = (self._buried if buried else self._kinds)[self._kind(rng)]
+        shapes = self.shapes(self._kind(rng), buried=buried)
         return shapes[plain % len(shapes)]
+
+    def shapes(self, kind: str, *, buried: bool = False) -> tuple[Shape, ...]:
+        """All shapes of a kind ("plain" or a named one). Raises KeyError for one that the feed does not have."""
+        return (self._buried if buried else self._kinds)[kind]
 
     def rolling(self, rng: Generator) -> Rolling:
         """A lump that can turn."""

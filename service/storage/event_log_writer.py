@@ -82,6 +82,7 @@ class EventWriter:
         wall: Callable[[], float],
         *,
         retry_s: float = RETRY_S,
+        most_waiting: int = MOST_WAITING,
         open_log: Callable[[Path, bool], EventLog] = lambda path, check: EventLog(path, check=check),
         retention: Retention | None = None,
     ) -> None:
@@ -90,6 +91,7 @@ class EventWriter:
         self._observer = observer
         self._wall = wall
         self._retry_s = retry_s
+        self._most_waiting = most_waiting
         self._open_log = open_log
         self._retention = retention
         self._log: EventLog | None = None
@@ -132,7 +134,7 @@ class EventWriter:
 
     def _hand_over(self, batch: Batch, wait: bool = True) -> bool:
         with self._wake:
-            if self._waiting + batch.rows > MOST_WAITING:
+            if self._waiting + batch.rows > self._most_waiting:
                 self._observer.event_problem("lost", batch.rows)
                 return False
             self._waiting += batch.rows
@@ -149,7 +151,7 @@ class EventWriter:
     def published(self, sent: Sequence[tuple[str, str]]) -> None:
         """The records of these (ROI, id) are on the bus; written some time later."""
         with self._wake:
-            if len(self._batches) < 2 * MOST_WAITING:  # else some are sent twice, with the same number
+            if len(self._batches) < 2 * self._most_waiting:  # else some are sent twice, with the same number
                 self._batches.append(Batch((), tuple(sent)))
                 self._wake.notify()
 

@@ -70,18 +70,18 @@ def test_aliases_do_not_multiply() -> None:
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"nothing\.yaml: cannot be read \(No such file or directory\)$"):
+    with pytest.raises(ConfigError, match=r"nothing\.yaml: cannot be read"):
         load_config(tmp_path / "nothing.yaml")
 
 
 def test_a_folder_is_no_configuration(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"cannot be read \(Is a directory\)$"):
+    with pytest.raises(ConfigError, match=r"cannot be read"):
         load_config(tmp_path)
 
 
 def test_a_file_that_is_not_text(tmp_path: Path) -> None:
     (tmp_path / "site.yaml").write_bytes(b"site: \xff\xfe\n")
-    with pytest.raises(ConfigError, match=r"site\.yaml: is not UTF-8 text$"):
+    with pytest.raises(ConfigError, match=r"site\.yaml: .*UTF-8"):
         load_config(tmp_path / "site.yaml")
 
 

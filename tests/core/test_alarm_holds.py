@@ -194,13 +194,13 @@ def test_signals_cannot_fill_the_memory() -> None:
 
 @pytest.mark.parametrize("span_s", [0.0, -1.0, 100.1, inf, nan])
 def test_a_shelving_has_a_limit(span_s: float) -> None:
-    with pytest.raises(AlarmRequestError, match=r"^for_s: .* is not above 0 and at most 100 seconds$"):
+    with pytest.raises(AlarmRequestError, match=r"^for_s: .*\b100 seconds$"):
         shelve(QUIET, AT_ONCE, 0.0, "Ada", "dust", span_s)
 
 
 @pytest.mark.parametrize("span_s", [0.0, 50.1, inf, nan])
 def test_a_suppression_has_a_limit(span_s: float) -> None:
-    with pytest.raises(AlarmRequestError, match=r"^valid_s: .* at most 50 seconds$"):
+    with pytest.raises(AlarmRequestError, match=r"^valid_s: .*\b50 seconds$"):
         suppress(QUIET, AT_ONCE, 0.0, "feeder", span_s)
 
 

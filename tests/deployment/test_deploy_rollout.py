@@ -103,7 +103,7 @@ def test_a_bad_one_goes_back_by_itself(
 ) -> None:
     rollout.up("good-0", wanted())
     rollout.up("good-1", wanted())
-    with pytest.raises(DeployError, match=f"{told}.*went back to the container before, which is ready"):
+    with pytest.raises(DeployError, match=f"{told}.*went back .*ready"):
         rollout.up(image, wanted())
     assert engine.running() == [NAME]
     assert engine.containers[NAME].image == "good-1"
@@ -115,7 +115,7 @@ def test_what_the_image_refuses_never_stops_the_one_that_runs(
     engine: FakeEngine, rollout: Rollout, wanted: Callable[..., Bundle]
 ) -> None:
     rollout.up("good-1", wanted())
-    with pytest.raises(DeployError, match="refuses the configuration: unknown key"):
+    with pytest.raises(DeployError, match="unknown key"):
         rollout.up("refuses", wanted())
     assert f"stop {NAME}" not in engine.done
     assert engine.running() == [NAME]
@@ -138,7 +138,7 @@ def test_a_region_that_was_dead_before_does_not_stop_an_upgrade(
 def test_a_first_one_that_ends_is_cleared_away(
     engine: FakeEngine, rollout: Rollout, wanted: Callable[..., Bundle]
 ) -> None:
-    with pytest.raises(DeployError, match=r"cannot listen on .*; it was removed"):
+    with pytest.raises(DeployError, match=r"cannot listen on .*removed"):
         rollout.up("ends", wanted())
     assert engine.containers == {}
 
@@ -179,5 +179,5 @@ def test_what_a_killed_roll_out_left_is_cleared_away(
 
 def test_nothing_to_go_back_to(rollout: Rollout, wanted: Callable[..., Bundle]) -> None:
     rollout.up("good-1", wanted())
-    with pytest.raises(DeployError, match="no earlier container is kept"):
+    with pytest.raises(DeployError, match="no earlier container"):
         rollout.rollback()

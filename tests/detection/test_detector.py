@@ -91,9 +91,7 @@ def test_switching_is_learned(switching: str, kind: type) -> None:
 
 
 def test_models_of_another_name_are_refused() -> None:
-    with pytest.raises(
-        PriorMismatchError, match=r"trained for the models belt, the configuration names constant_velocity"
-    ):
+    with pytest.raises(PriorMismatchError, match=r"belt, .* constant_velocity"):
         make_filter(config(), ROI, learned(("belt",)))
 
 

@@ -409,7 +409,7 @@ def test_a_histogram_without_a_prior_waits_for_one() -> None:
     target = CameraPipeline(camera())
     (result,) = target.process(frame(0), 0.0)
     assert (result.reason, result.prior) == (BlindReason.UNFIT, 0)
-    with pytest.raises(RegionMisfitError, match="likelihood kind histogram needs a trained prior"):
+    with pytest.raises(RegionMisfitError, match=r"histogram needs .*prior"):
         target.check_fit()
     target.use_prior("apron", prior(version=6))
     (result,) = target.process(frame(1), 0.1)

@@ -465,5 +465,5 @@ def test_a_replay_counts_the_same_and_decides_the_same(tmp_path: Path) -> None:
     assert files[0] == files[1]
     told = ShadowState.model_validate(json.loads(files[0])["apron"])
     assert (told.version, told.current, told.only_current, told.frames) == (2, 1, 1, 110)
-    with pytest.raises(ConfigError, match="--shadow 7: no roi of camera cam has a prior of that version"):
+    with pytest.raises(ConfigError, match=r"--shadow 7: .*camera cam"):
         ReplayShadow(camera(), store, 7)

@@ -73,14 +73,20 @@ class Scene:
         camera: CameraConfig,
         priors: dict[str, Prior | None] | None = None,
         config: EvidenceConfig | None = None,
+        *,
+        submit: Callable[[Clip], None] | None = None,
+        waiting: Callable[[], int] | None = None,
     ) -> None:
+        """Finished clips go to `submit`; without it, to `clips`."""
         self.camera = camera
         self.pipeline = CameraPipeline(camera, priors)
         self.counting = Counting()
         self.clips: list[Clip] = []
         self.waiting = 0
         self.config = config or EvidenceConfig(pre_roll_s=2.0, post_roll_s=1.0)
-        self.recorder = Recorder(self.config, self.counting, self.clips.append, lambda: self.waiting)
+        self.recorder = Recorder(
+            self.config, self.counting, submit or self.clips.append, waiting or (lambda: self.waiting)
+        )
         self.index = 0
         self.sequence = 0
         self.live: list[RoiResult] = []

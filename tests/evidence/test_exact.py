@@ -243,16 +243,16 @@ def test_a_damaged_file_is_named(tmp_path: Path, evidence_bytes: dict[str, bytes
 
 
 def test_what_is_no_evidence_is_told_so(tmp_path: Path, evidence_bytes: dict[str, bytes]) -> None:
-    with pytest.raises(EvidenceError, match=r"meta\.json: cannot be read .* is this evidence\?"):
+    with pytest.raises(EvidenceError, match=r"meta\.json: cannot be read"):
         read_evidence(tmp_path)
     folder = put(tmp_path / "e", {**evidence_bytes, META: b'{"version": 7}'})
-    with pytest.raises(EvidenceError, match=r"meta\.json: is not what evidence says of itself"):
+    with pytest.raises(EvidenceError, match=r"meta\.json: is not "):
         read_evidence(folder)
     (folder / META).write_bytes(evidence_bytes[META])
     (folder / CLIP).unlink()
     with pytest.raises(EvidenceError, match=r"clip\.mkv: cannot be read"):
         replay_evidence(read_evidence(folder), tmp_path / "out")
-    with pytest.raises(StateError, match="x: is not a filter state"):
+    with pytest.raises(StateError, match=r"^x: .*filter state"):
         decode_state(b"nonsense", "x", None)
     (folder / CLIP).write_bytes(b"nonsense" * 100)
     with pytest.raises(ClipError, match=r"clip\.mkv: cannot be decoded"):

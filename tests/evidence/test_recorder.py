@@ -23,7 +23,7 @@ def test_the_ring_holds_the_pre_roll_and_at_most_a_second_more() -> None:
     one = scene(pre_roll_s=3.0)
     for _ in range(80):
         one.show(0.1, dark)
-        held = sum(len(group.kept) for group in one.recorder._groups)
+        held = one.recorder.ring_frames
         assert held == one.index or 30 <= held <= 42
         assert one.counting.pre_roll_s >= min(3.0, (one.index - 1) * 0.1) - 0.02
 
@@ -117,8 +117,7 @@ def test_a_ring_that_may_hold_little_holds_the_newest() -> None:
     one = scene(pre_roll_s=60.0, memory_mb=6)  # 24 pictures, a second has 10
     for _ in range(60):
         one.show(0.1, big, size=SIZE)
-        size = sum(kept.frame.data.nbytes for group in one.recorder._groups for kept in group.kept)
-        assert size <= 6 * 1024 * 1024
+        assert one.recorder.ring_size == one.recorder.ring_frames * BIG <= 6 * 1024 * 1024
     assert 1.0 <= one.counting.pre_roll_s <= 2.4
     assert one.begin("apron", AlarmClass.LUMP, one.live[-1].frame.received_s)  # type: ignore[union-attr]
 
@@ -132,7 +131,7 @@ def test_clips_take_twice_the_ring_at_most() -> None:
     assert one.counting.problems == {"memory": 1}
     while not one.clips:
         one.show(0.1, big, size=SIZE)
-        assert one.recorder._clips_size() <= 12 << 20
+        assert one.recorder.clips_size <= 12 << 20
     assert one.counting.problems == {"memory": 2}
     (cut,) = one.clips
     assert cut.ended == "memory"
@@ -152,6 +151,6 @@ def test_clips_that_wait_for_a_slow_disk_count_too() -> None:
 def test_a_picture_that_is_larger_than_the_memory_leaves_the_ring_empty() -> None:
     one = scene(memory_mb=1)
     one.show(1.0, lambda k: np.full((1000, 1500), k, np.uint8), size=(1500, 1000))
-    assert not one.recorder._groups
+    assert one.recorder.ring_frames == 0
     assert one.counting.pre_roll_s == 0.0
     assert not one.begin("apron", AlarmClass.LUMP, 1001.0)

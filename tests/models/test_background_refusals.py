@@ -30,7 +30,7 @@ def test_unfit_pictures_are_refused(picture: NDArray[np.uint8], words: str) -> N
 
 @pytest.mark.parametrize("mask", [np.ones((9, 10), np.uint8), np.ones((10, 10))])
 def test_unfit_masks_are_refused(mask: NDArray[np.uint8]) -> None:
-    with pytest.raises(ValueError, match="the mask must be uint8 or bool"):
+    with pytest.raises(ValueError, match="mask must be uint8"):
         StatisticalBackground().apply(np.zeros((10, 10, 3), np.uint8), mask=mask)
 
 
@@ -49,19 +49,19 @@ def test_unfit_states_are_refused() -> None:
         StatisticalBackground.from_state({name: a for name, a in good.items() if name != "static.p"})
     with pytest.raises(ValueError, match="background is missing"):
         StatisticalBackground.from_state({"levels": good["levels"]})
-    with pytest.raises(ValueError, match="the state has levels None"):
+    with pytest.raises(ValueError, match="levels None"):
         StatisticalBackground.from_state({})
-    with pytest.raises(ValueError, match=r"the state has levels \[256  32\], these options \[256  64\]"):
+    with pytest.raises(ValueError, match=r"levels \[256  32\].* \[256  64\]"):
         StatisticalBackground.from_state(good, BackgroundOptions(dynamic_levels=64))
-    with pytest.raises(ValueError, match="background holds numbers that are no grey levels"):
+    with pytest.raises(ValueError, match=r"^background .*grey levels"):
         StatisticalBackground.from_state(good | {"background": good["background"] + np.float32(200)})
-    with pytest.raises(ValueError, match="static_gain holds numbers that are not positive"):
+    with pytest.raises(ValueError, match=r"static_gain .*positive"):
         StatisticalBackground.from_state(good | {"static_gain": np.zeros((4, 5), np.float32)})
     with pytest.raises(ValueError, match=r"static.* these options need"):
         StatisticalBackground.from_state(good, BackgroundOptions(static_kept=30))
     with pytest.raises(ValueError, match="previous is float64"):
         StatisticalBackground.from_state(good | {"previous": good["previous"].astype(float)})
-    with pytest.raises(ValueError, match="static_prior holds numbers that are not finite"):
+    with pytest.raises(ValueError, match=r"static_prior .*finite"):
         StatisticalBackground.from_state(good | {"static_prior": np.full((4, 5), np.nan, np.float32)})
 
 

@@ -253,7 +253,7 @@ def test_bad_tracks_are_refused(frames: object, ids: object, boxes: object, reas
 
 @pytest.mark.parametrize("threshold", [-0.1, 1.1, float("nan")])
 def test_bad_thresholds_are_refused(threshold: float) -> None:
-    with pytest.raises(ValueError, match="threshold must be within 0 and 1"):
+    with pytest.raises(ValueError, match=r"threshold .*0 and 1"):
         evaluate(NOTHING, NOTHING, threshold)
 
 

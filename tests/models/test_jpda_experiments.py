@@ -49,7 +49,7 @@ def test_counts_by_hand() -> None:
     true = np.array([[50.0, 50.0, 20.0, 20.0], [100.0, 50.0, 20.0, 20.0], [150.0, 2.0, 20.0, 4.0]])
     found = np.array([[52.0, 50.0, 20.0, 20.0], [200.0, 200.0, 10.0, 10.0], [150.0, 1.0, 10.0, 2.0]])
     counts = system.Counts()
-    pairs = system._count(true, np.array([True, True, False]), found, counts)
+    pairs = system.count(true, np.array([True, True, False]), found, counts)
     assert pairs == [(0, 0)]
     assert (counts.matched, counts.missed, counts.false, counts.nothing) == (1, 1, 1, 1)
     assert (counts.precision, counts.recall, counts.on_objects) == (0.5, 0.5, 0.5)

@@ -16,7 +16,7 @@ from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import Trigger
 from lumpwatch.service.monitor.monitor import Monitor
 from lumpwatch.service.protocol import Outcome, ProofResult
-from lumpwatch.service.storage import EventWriter
+from lumpwatch.service.storage import EventWriter, PriorStore
 from lumpwatch.service.telemetry import MonitorMetrics
 from tests.service_helpers import site, site_tree
 
@@ -180,7 +180,7 @@ class FakeProofs:
 class World:
     """A monitor of the small camera and all that it stands on."""
 
-    def __init__(self, store: Path, **alarm: Any) -> None:
+    def __init__(self, store: Path, priors: PriorStore | None = None, **alarm: Any) -> None:
         """`alarm` are keys of the ROI's alarm."""
         tree = site_tree()
         tree["store"] = {"path": str(store), "poll_s": 0.01}
@@ -210,6 +210,7 @@ class World:
             make_proofs=lambda _: self.proofs,
             clock="boot",
             clocks=self.clock,
+            priors=priors,
         )
 
     def run(self, *steps: Callable[[], Frame | None]) -> None:

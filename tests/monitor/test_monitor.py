@@ -225,11 +225,10 @@ class HungStore(PriorStore):
         return super().pointer(camera, roi)
 
 
-def test_a_disk_that_hangs_holds_up_no_decision(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_hangs_holds_up_no_decision(tmp_path: Path) -> None:
     """The store was once read under the alarm's lock."""
     PriorStore(tmp_path).save(prior())
-    monkeypatch.setattr("lumpwatch.service.monitor.monitor.PriorStore", HungStore)
-    world = World(tmp_path)
+    world = World(tmp_path, HungStore(tmp_path))
     try:
 
         def hang() -> None:

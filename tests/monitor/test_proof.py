@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,7 +24,7 @@ from lumpwatch.service.config.proof import ProofTestConfig
 from lumpwatch.service.core.clock import Clocks, utc
 from lumpwatch.service.core.decision import Trouble
 from lumpwatch.service.core.frame import Encoding
-from lumpwatch.service.monitor.proof.chain import _Ended, _Passage, overlaps
+from lumpwatch.service.monitor.proof.chain import Ended, Passage, overlaps
 from lumpwatch.service.monitor.proof.keeper import ProofError, ProofKeeper
 from lumpwatch.service.monitor.proof.path import greys_of, make_way, reached_lip
 from lumpwatch.service.monitor.proof.schedule import is_due, is_overdue
@@ -220,9 +221,9 @@ def test_a_bad_plan_is_refused_in_one_line(payload: bytes, told: str) -> None:
 # What the result means
 
 
-def passage(least_s: float = 0.0) -> _Passage:
+def passage(least_s: float = 0.0) -> Passage:
     config = camera().rois[0]
-    return _Passage(config.model_copy(update={"proof_test": ProofTestConfig(least_warning_s=least_s)}))
+    return Passage(config.model_copy(update={"proof_test": ProofTestConfig(least_warning_s=least_s)}))
 
 
 # RESULT raises an alarm; its object is the box 101..131 x 50..70 of the picture.
@@ -232,22 +233,27 @@ WAY = make_way(
 )
 
 
-def test_an_alarm_in_time_passes_and_says_how_much_was_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lumpwatch.service.monitor.proof.chain.overlaps", lambda *_: True)
+def test_an_alarm_in_time_passes_and_says_how_much_was_left() -> None:
+    place = place_at(WAY.path, 7.0)
+    assert place is not None
+    assert RESULT.detection is not None
+    x, y, w, h = place.x * WIDTH, place.y * HEIGHT, place.w * WIDTH, place.h * HEIGHT
+    on_it = replace(RESULT.detection.objects[0], x=x - w / 2, y=y - h / 2, w=w, h=h)
+    seen = replace(RESULT, detection=replace(RESULT.detection, objects=(on_it,)))
     one = passage()
-    one.take(replace(RESULT, changes=()), FRAME, WAY, 6.0, (WIDTH, HEIGHT), 100.1)
+    one.take(replace(seen, changes=()), FRAME, WAY, 6.0, (WIDTH, HEIGHT), 100.1)
     assert one.outcome is Outcome.FAILED
-    one.take(RESULT, FRAME, WAY, 7.0, (WIDTH, HEIGHT), 100.1)
+    one.take(seen, FRAME, WAY, 7.0, (WIDTH, HEIGHT), 100.1)
     assert (one.outcome, one.reason) == (Outcome.PASSED, None)
     assert one.warning_s == pytest.approx(WAY.arrives_s - 7.0 - 0.1)
     late = passage(60.0)
-    late.take(RESULT, FRAME, WAY, 7.0, (WIDTH, HEIGHT), 100.1)
+    late.take(seen, FRAME, WAY, 7.0, (WIDTH, HEIGHT), 100.1)
     assert (late.outcome, late.reason) == (Outcome.FAILED, ProofReason.TOO_LATE)
 
 
 def test_an_alarm_before_or_beside_the_lump_cannot_be_judged() -> None:
     for t_s in (4.0, 7.0):  # before it; and far from the object of RESULT
-        with pytest.raises(_Ended) as end:
+        with pytest.raises(Ended) as end:
             passage().take(RESULT, FRAME, WAY, t_s, (WIDTH, HEIGHT), 100.1)
         assert (end.value.outcome, end.value.reason) == (Outcome.INCONCLUSIVE, ProofReason.DISTURBED)
 
@@ -270,6 +276,7 @@ class World:
         self.outcome, self.reason = Outcome.PASSED, None
         self.registry = CollectorRegistry()
         self.ran: list[str] = []
+        self.meanwhile: Callable[[str, str], None] = lambda roi, actor: None
         self.keeper = self.made()
 
     def made(self) -> ProofKeeper:
@@ -282,6 +289,7 @@ class World:
 
     def run(self, roi: str, actor: str) -> ProofResult:
         self.ran.append(roi)
+        self.meanwhile(roi, actor)
         return ProofResult(
             site="pit",
             camera="cam",
@@ -336,12 +344,11 @@ def test_no_result_for_too_long_is_a_trouble(tmp_path: Path) -> None:
 def test_one_test_at_a_time(tmp_path: Path) -> None:
     world = World(tmp_path)
 
-    def run(roi: str, actor: str) -> ProofResult:
+    def meanwhile(roi: str, actor: str) -> None:
         with pytest.raises(ProofError, match="another"):
             world.keeper.test(roi, actor)
-        return world.run(roi, actor)
 
-    world.keeper._run = run
+    world.meanwhile = meanwhile
     assert world.keeper.test("apron", "").outcome is Outcome.PASSED
     assert world.keeper.test("apron", "").outcome is Outcome.PASSED
 

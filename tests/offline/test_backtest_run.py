@@ -121,11 +121,11 @@ def test_videos_of_one_name_carry_their_folders(tmp_path: Path) -> None:
 
 def test_what_is_no_archive(tmp_path: Path) -> None:
     a, b, labels = tmp_path / "a.mp4", tmp_path / "b.mp4", tmp_path / "gt.txt"
-    with pytest.raises(ConfigError, match=r"a\.mp4: has no labels beside it \(neither a\.txt nor gt\.txt\)"):
+    with pytest.raises(ConfigError, match=r"a\.mp4: .*a\.txt.*gt\.txt"):
         archive([a])
-    with pytest.raises(ConfigError, match="found 1 for 2 videos"):
+    with pytest.raises(ConfigError, match="1 for 2 videos"):
         archive([a, b], [labels])
-    with pytest.raises(ConfigError, match=r"a\.mp4 is given more than once"):
+    with pytest.raises(ConfigError, match=r"a\.mp4 .*more than once"):
         archive([a, b, a])
     with pytest.raises(LabelError, match=r"gt\.txt: cannot be read"):
         archive([a], [labels], unlabelled_is_empty=True)
@@ -136,7 +136,7 @@ def test_what_is_no_archive(tmp_path: Path) -> None:
     with pytest.raises(LabelError, match=r"gt\.txt, line 1: expected"):
         archive([a])
     labels.write_text("1,1,0,0,5,5\n")
-    with pytest.raises(ConfigError, match=r"gt\.txt: lies beside both a\.mp4 and b\.mp4"):
+    with pytest.raises(ConfigError, match=r"gt\.txt: .*a\.mp4 and b\.mp4"):
         archive([a, b])
 
 
@@ -190,7 +190,7 @@ def test_a_calibrated_camera_is_judged_by_size() -> None:
 
 
 def test_a_video_of_which_nothing_could_be_judged() -> None:
-    with pytest.raises(LumpwatchError, match=r"clip\.mp4: the filter could not judge any frame"):
+    with pytest.raises(LumpwatchError, match=r"clip\.mp4: .*filter"):
         record_frames(setup(), iter(()), Path("clip.mp4"))
 
 
@@ -274,7 +274,7 @@ def test_a_video_that_fails_is_left_out_of_all(folder: Path) -> None:
         labels, video = found.failures
         assert "labels frame 41, but reaches has 40 frames" in labels
         assert "gone.mp4: no such file" in video
-        with pytest.raises(LumpwatchError, match=r"no video could be judged; the first: .*gone\.mp4"):
+        with pytest.raises(LumpwatchError, match=r"no video .*gone\.mp4"):
             run_backtest([setup()], [gone], Terms(), "fall", threads)
 
 

@@ -141,10 +141,10 @@ def test_no_frame_is_an_error(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
-    with pytest.raises(ReplayError, match=r"/file: cannot be written \(File exists\)$"):
+    with pytest.raises(ReplayError, match=r"/file: cannot be written"):
         run(tmp_path / "file")
     (tmp_path / "out" / "states.jsonl").mkdir(parents=True)
-    with pytest.raises(ReplayError, match=r"/out/states\.jsonl: cannot be written \(Is a directory\)$"):
+    with pytest.raises(ReplayError, match=r"/out/states\.jsonl: cannot be written"):
         run(tmp_path / "out")
 
 

@@ -20,8 +20,8 @@ from lumpwatch.service.simulator.feed import FeedSimulator, Truth
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
 from lumpwatch.service.simulator.spec import FeedSpec
-from lumpwatch.service.simulator.traffic import Traffic
 from lumpwatch.service.simulator.write import write_video
+from tests.simulator.parts import parts
 
 CALM = {"dust": 0.0, "noise": 0.0, "shake_px": 0.0, "light_drift": 0.0, "flicker": 0.0}
 SMALL = {"width": 320, "height": 240}
@@ -317,8 +317,7 @@ def test_the_number_of_lumps_in_a_minute(minute: list[tuple[Truth, ...]]) -> Non
 def test_no_lump_where_none_is_asked_for() -> None:
     feed = spec(lumps_per_minute=0, medium_rocks_per_minute=200)
     assert truths(spec(lumps_per_minute=0, fps=2, width=160, height=120), 120) == [()] * 240
-    g = Geometry.of(feed)
-    traffic = Traffic(feed, g, BeltMotion(feed), FeedSimulator(feed)._traffic._stock)
+    traffic = parts(feed).traffic
     seen = [rock for t in np.arange(0, 60, 0.5) for rock in traffic.at(float(t))]
     assert len({rock.start for rock in seen}) > 100
     assert all(rock.id == 0 and 180 <= rock.size_mm <= 420 for rock in seen)
@@ -326,7 +325,7 @@ def test_no_lump_where_none_is_asked_for() -> None:
 
 def test_rocks_come_farthest_first_and_vanish() -> None:
     feed = spec(medium_rocks_per_minute=300, lumps_per_minute=20)
-    traffic = FeedSimulator(feed)._traffic
+    traffic = parts(feed).traffic
     counts = []
     for t in np.arange(0, 600, 0.5):
         rocks = traffic.at(float(t))

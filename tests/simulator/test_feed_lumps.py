@@ -15,6 +15,7 @@ from lumpwatch.service.simulator.feed import FeedSimulator, Truth
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.stock import Stock
 from lumpwatch.service.simulator.traffic import Rock, Traffic
+from tests.simulator.parts import parts
 
 BASE = {
     "dust": 0.0, "noise": 0.0, "shake_px": 0.0, "light_drift": 0.0, "flicker": 0.0,
@@ -29,11 +30,11 @@ def spec(**changes: object) -> FeedSpec:
 
 
 def stock(feed: FeedSpec) -> Stock:
-    return FeedSimulator(feed)._traffic._stock
+    return parts(feed).stock
 
 
 def traffic(feed: FeedSpec) -> Traffic:
-    return FeedSimulator(feed)._traffic
+    return parts(feed).traffic
 
 
 def tracks(feed: FeedSpec, seconds: float) -> dict[int, list[Truth]]:
@@ -92,7 +93,7 @@ def test_a_ball_shows_its_lit_side_and_throws_its_shadow_away_from_the_light() -
 
 def test_the_kinds_differ_as_they_should() -> None:
     feed = spec(frozen_share=0.3, smooth_share=0.3, slab_share=0.3)
-    shapes = stock(feed)._kinds
+    shapes = {kind: stock(feed).shapes(kind) for kind in KINDS}
 
     def tone(kind: str) -> float:
         sprites = [shape.levels[0] for shape in shapes[kind]]
@@ -116,7 +117,7 @@ def test_a_share_of_the_lumps_is_of_a_kind(share: str) -> None:
     rng = np.random.default_rng(3)
     kind = share.removesuffix("_share")
     drawn = [made.lump(rng, 0, buried=False) for _ in range(400)]
-    of_kind = [any(shape is one for one in made._kinds[kind]) for shape in drawn]
+    of_kind = [any(shape is one for one in made.shapes(kind)) for shape in drawn]
     assert np.mean(of_kind) == pytest.approx(0.5, abs=0.1)
 
 
@@ -140,16 +141,17 @@ def test_boxes_end_where_the_lump_does(style: str, option: str | None) -> None:
     """Each lump drawn alone, all white, on black: to a pixel and a bit, which its soft edge takes."""
     feed = spec(style=style, seed=1, lumps_per_minute=30.0, **({option: 1.0} if option else {}))
     simulator, checked = FeedSimulator(feed), 0
-    scene, moving = simulator._scene, simulator._traffic
+    made = parts(feed)
+    scene, moving = made.scene, made.traffic
     for t in np.arange(0, 12, 0.5):
         for rock in moving.at(float(t)):
-            truth = simulator._truth(rock, float(t), 0, 0)
+            truth = simulator.truth(rock, float(t))
             if truth is None or truth.y <= 1 or truth.y + truth.h >= simulator.geometry.rim_row - 2:
                 continue
             masks = [level[..., 1] for level in rock.shape.levels]
             white = tuple(np.dstack((255 * m, m, 0 * m)).astype(np.float32) for m in masks)
             canvas = np.zeros((240, 320), np.uint8)
-            scene._draw_rock(canvas, replace(rock, tone=1.0, shape=replace(rock.shape, levels=white)))
+            scene.draw_rock(canvas, replace(rock, tone=1.0, shape=replace(rock.shape, levels=white)))
             drawn = (*edges(canvas.max(0) / 255), *edges(canvas.max(1) / 255))
             stated = (truth.x, truth.x + truth.w, truth.y, truth.y + truth.h)
             assert drawn == pytest.approx(stated, abs=1.4)
@@ -248,10 +250,9 @@ def test_faded_lumps_differ_less_from_a_bare_belt() -> None:
 def test_buried_lumps_show_their_upper_part() -> None:
     feed = spec(buried_share=1.0)
     made = stock(feed)
-    for kind, shapes in made._buried.items():
-        for whole, shape in zip(made._kinds[kind], shapes, strict=True):
-            assert 0.3 < shape.shown < 0.85
-            assert 0.4 * whole.half_height < shape.half_height < 0.95 * whole.half_height
+    for whole, shape in zip(made.shapes("plain"), made.shapes("plain", buried=True), strict=True):
+        assert 0.3 < shape.shown < 0.85
+        assert 0.4 * whole.half_height < shape.half_height < 0.95 * whole.half_height
     for _, _, truth in lone_lumps(feed):
         assert 0.3 < truth.visibility < 0.85
         assert truth.size_mm >= 720

@@ -20,7 +20,6 @@ import pytest
 
 from lumpwatch.service.bus.endpoints import ALARMS_KEPT
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, Hold
-from lumpwatch.service.storage import event_log_writer
 from lumpwatch.service.storage.event import Event
 from lumpwatch.service.storage.event_log import (
     RECORDS_KEPT,
@@ -499,8 +498,8 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 from tests.storage.test_event_log import Counting, entry, writer
-log = writer(Path(sys.argv[1]))
-counting = log._observer
+counting = Counting()
+log = writer(Path(sys.argv[1]), counting)
 resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, resource.RLIM_INFINITY))
 number = 0
 while log.write([entry(number + 1, reason="x" * 4000)]):
@@ -533,13 +532,12 @@ class Stalling(EventLog):
         super().append(entries)  # type: ignore[arg-type]
 
 
-def test_nobody_waits_for_a_disk_that_does_not_answer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(event_log_writer, "MOST_WAITING", 50)
+def test_nobody_waits_for_a_disk_that_does_not_answer(tmp_path: Path) -> None:
     Stalling.go.clear()
     counting = Counting()
-    log = writer(tmp_path, counting, open_log=lambda path, check: Stalling(path, check=check))
+    log = writer(
+        tmp_path, counting, most_waiting=50, open_log=lambda path, check: Stalling(path, check=check)
+    )
     results = [log.write([entry(number)]) for number in range(1, 61)]
     assert results == [False] * 60
     assert counting.problems == {"late": 1, "lost": 10}  # only the first waited for its time

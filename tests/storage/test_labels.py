@@ -68,17 +68,17 @@ def test_a_bad_line_is_named(tmp_path: Path, line: str, reason: str) -> None:
 @pytest.mark.parametrize("text", ["", "\n\n", "# nothing\n", "1,1,2,3,4,5,0\n"])
 def test_a_file_without_a_box(tmp_path: Path, text: str) -> None:
     path = write(tmp_path, text)
-    with pytest.raises(LabelError, match=r"gt\.txt: holds no labelled box$"):
+    with pytest.raises(LabelError, match=r"gt\.txt: .*no labelled box"):
         read_labels(path)
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(LabelError, match=r"none\.txt: cannot be read \(No such file or directory\)$"):
+    with pytest.raises(LabelError, match=r"none\.txt: cannot be read"):
         read_labels(tmp_path / "none.txt")
 
 
 def test_a_folder(tmp_path: Path) -> None:
-    with pytest.raises(LabelError, match=r"cannot be read \(Is a directory\)$"):
+    with pytest.raises(LabelError, match=r"cannot be read"):
         read_labels(tmp_path)
 
 
@@ -96,7 +96,7 @@ def test_a_file_with_a_byte_order_mark(tmp_path: Path) -> None:
 def test_labels_beyond_the_end_of_the_video(tmp_path: Path) -> None:
     boxes = read_labels(write(tmp_path, "3,1,2,3,4,5\n12,1,2,3,4,5\n"))
     check_frames(boxes, 12, Path("gt.txt"), "clip.mp4")
-    with pytest.raises(LabelError, match=r"^gt\.txt: labels frame 12, but clip\.mp4 has 11 frames$"):
+    with pytest.raises(LabelError, match=r"^gt\.txt: .*frame 12\b.*clip\.mp4 .*11"):
         check_frames(boxes, 11, Path("gt.txt"), "clip.mp4")
 
 

@@ -82,7 +82,7 @@ def test_any_truncation_is_refused(length: int) -> None:
 @settings(deadline=None)
 @given(st.binary(min_size=1, max_size=8))
 def test_bytes_to_spare_are_refused(more: bytes) -> None:
-    with pytest.raises(PriorError, match="truncated or has bytes to spare"):
+    with pytest.raises(PriorError, match="truncated"):
         decode_prior(CONTENT + more, "demo")
 
 
@@ -94,7 +94,7 @@ def test_any_other_file_is_refused(content: bytes) -> None:
 
 
 def test_another_format_is_named() -> None:
-    with pytest.raises(PriorError, match=r"^demo: has format 2, this version reads format 1$"):
+    with pytest.raises(PriorError, match=r"^demo: .*format 2\b.*format 1$"):
         decode_prior(CONTENT.replace(b"lumpwatch-prior 1 ", b"lumpwatch-prior 2 ", 1), "demo")
 
 
@@ -163,7 +163,7 @@ def _altered(name: str, value: object) -> bytes:
     ],
 )
 def test_content_that_cannot_be_right_is_refused(name: str, value: object) -> None:
-    with pytest.raises(PriorError, match=r"^demo: the prior's content is not as expected"):
+    with pytest.raises(PriorError, match=r"^demo: .*not as expected"):
         decode_prior(_altered(name, value), "demo")
 
 
@@ -266,10 +266,10 @@ def test_a_prior_fits_its_own_roi_and_shape_only() -> None:
     kept, roi = KINDS["histogram"], camera().rois[0]
     kept.check_fits(roi, 96, 64)
     kept.check_fits(roi, 192, 128)
-    with pytest.raises(PriorError, match=r"pictures of another shape \(1\.500 wide to 1 high, now 1\.333\)"):
+    with pytest.raises(PriorError, match=r"another shape \(1\.500 .*1\.333\)"):
         kept.check_fits(roi, 640, 480)
     moved = roi.model_copy(update={"polygon": (*roi.polygon[:3], (0.1, 0.8))})
-    with pytest.raises(PriorError, match="prior of roi apron: was trained for another polygon"):
+    with pytest.raises(PriorError, match=r"roi apron: .*another polygon"):
         kept.check_fits(moved, 96, 64)
     with pytest.raises(PriorError, match="another polygon"):
         kept.check_fits(roi.model_copy(update={"polygon": roi.polygon[:3]}), 96, 64)

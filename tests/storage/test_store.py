@@ -60,7 +60,7 @@ def _source_in_use(store: PriorStore) -> str | None:
 
 def test_a_version_that_is_not_there_or_not_whole_is_not_used(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", "b")
-    with pytest.raises(StoreError, match="there is no version 9"):
+    with pytest.raises(StoreError, match="no version 9"):
         store.use("cam", "apron", 9)
     _damage(store, 1)
     with pytest.raises(PriorError, match="corrupt"):
@@ -119,9 +119,9 @@ def test_without_a_readable_pointer_the_newest_is_used(tmp_path: Path, text: str
 def test_the_prior_of_another_roi_is_refused(tmp_path: Path) -> None:
     store = stored(tmp_path, "a")
     store.path("cam", "apron", 2).write_bytes(encode_prior(prior(camera_id="other")))
-    with pytest.raises(PriorError, match="belongs to camera other, roi apron, not to camera cam, roi apron"):
+    with pytest.raises(PriorError, match=r"camera other, roi apron, not .*camera cam, roi apron"):
         store.load("cam", "apron", 2)
-    with pytest.raises(PriorError, match="belongs to camera cam, roi chute"):
+    with pytest.raises(PriorError, match="camera cam, roi chute"):
         check_owner(prior(roi="chute"), "cam", "apron", "x")
     (store.folder("cam", "apron") / "current").write_text("2\n")
     found = store.current("cam", "apron")
@@ -185,11 +185,11 @@ def test_a_pointer_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 
 def test_reading_a_file_that_is_not_there_or_too_large(tmp_path: Path) -> None:
-    with pytest.raises(PriorError, match=r"none\.prior: cannot be read \(No such file"):
+    with pytest.raises(PriorError, match=r"none\.prior: cannot be read"):
         read_file(tmp_path / "none.prior")
     with (tmp_path / "big.prior").open("wb") as file:
         file.truncate((256 << 20) + 1)
-    with pytest.raises(PriorError, match=r"big\.prior: is larger than 256 MiB$"):
+    with pytest.raises(PriorError, match=r"big\.prior: .*256 MiB"):
         read_file(tmp_path / "big.prior")
 
 

@@ -81,7 +81,7 @@ def test_staging_keeps_what_was_staged_and_what_is_in_use(tmp_path: Path) -> Non
 
 def test_promoting_and_rolling_back(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", shadow="b")
-    with pytest.raises(StoreError, match="version 2 runs in shadow, not 1"):
+    with pytest.raises(StoreError, match=r"version 2 .*not 1"):
         store.promote(*OF, 1)
     assert store.promote(*OF, 2).version == 2
     assert state(store) == ("b", None)
@@ -94,7 +94,7 @@ def test_promoting_and_rolling_back(tmp_path: Path) -> None:
 
 def test_dropping_keeps_the_version(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", shadow="b")
-    with pytest.raises(StoreError, match="version 2 runs in shadow, not 7"):
+    with pytest.raises(StoreError, match=r"version 2 .*not 7"):
         store.drop_shadow(*OF, 7)
     assert store.drop_shadow(*OF) == 2
     assert state(store) == ("a", None)
@@ -107,9 +107,9 @@ def test_dropping_keeps_the_version(tmp_path: Path) -> None:
 
 def test_what_cannot_run_in_shadow(tmp_path: Path) -> None:
     store = stored(tmp_path, "a", "b")
-    with pytest.raises(StoreError, match="version 2 is in use, not in shadow"):
+    with pytest.raises(StoreError, match="version 2 is in use"):
         store.set_shadow(*OF, 2)
-    with pytest.raises(StoreError, match="there is no version 9"):
+    with pytest.raises(StoreError, match="no version 9"):
         store.set_shadow(*OF, 9)
     store.set_shadow(*OF, 1)
     store.use(*OF, 1)

@@ -390,7 +390,7 @@ def test_a_port_in_use_is_named_in_one_line() -> None:
 
 
 def test_an_address_of_another_machine_is_named_in_one_line() -> None:
-    with pytest.raises(TelemetryError, match=r"^telemetry\.listen 192\.0\.2\.1:0: cannot be served \(.+\)$"):
+    with pytest.raises(TelemetryError, match=r"^telemetry\.listen 192\.0\.2\.1:0: "):
         TelemetryServer(("192.0.2.1", 0), CollectorRegistry(), Health())
 
 

@@ -96,11 +96,11 @@ def test_a_person_may_edit_the_file(file: Path) -> None:
 
 def test_what_cannot_be_accepted(file: Path, tmp_path: Path) -> None:
     before = file.read_bytes()
-    with pytest.raises(LabelError, match=r"new\.txt: has no proposal 7 \(has 1, 2, 3\)$"):
+    with pytest.raises(LabelError, match=r"new\.txt: .*proposal 7 .*1, 2, 3"):
         accept_proposals(file, {1, 7})
     assert file.read_bytes() == before
     accept_proposals(file, None)
-    with pytest.raises(LabelError, match="holds no proposal to accept"):
+    with pytest.raises(LabelError, match="no proposal"):
         accept_proposals(file, None)
     with pytest.raises(LabelError, match="cannot be read"):
         accept_proposals(tmp_path / "none.txt", None)

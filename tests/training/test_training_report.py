@@ -270,13 +270,11 @@ def test_frames_to_be_ignored_teach_nothing(small: Site, tmp_path: Path) -> None
 def test_clips_that_do_not_fit_together(small: Site, tmp_path: Path) -> None:
     other = write_video(FeedSpec(seed=1, width=320, height=180), 1.0, tmp_path)
     clips = clips_of(small.pairs[:1], [other.video])
-    with pytest.raises(
-        LumpwatchError, match=r"video\.mp4: its pictures are 320 x 180, those of .* 240 x 180"
-    ):
+    with pytest.raises(LumpwatchError, match=r"video\.mp4: .*320 x 180.* 240 x 180"):
         gather(small.camera, small.camera.rois[0], clips, lambda name, length: nullcontext(lambda n: None))
     labels = tmp_path / "late.txt"
     labels.write_text("999,1,80,60,20,20,1,1,1\n")
-    with pytest.raises(LabelError, match=r"late\.txt: labels frame 999, but slow\.mp4 has 90 frames"):
+    with pytest.raises(LabelError, match=r"late\.txt: .*frame 999\b.*slow\.mp4 .*90"):
         gather(
             small.camera,
             small.camera.rois[0],

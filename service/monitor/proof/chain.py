@@ -59,7 +59,7 @@ class Site:
     """Whether the daemon is told to stop within so many seconds."""
 
 
-class _Ended(Exception):  # noqa: N818 - an end is no error
+class Ended(Exception):  # noqa: N818 - an end is no error
     """The test is over before the lump is."""
 
     def __init__(self, outcome: Outcome, reason: ProofReason) -> None:
@@ -95,10 +95,10 @@ class ProofTest:
             prior=prior.version if prior else 0,
             actor=actor,
         )
-        passage = _Passage(roi)
+        passage = Passage(roi)
         try:
             self._pass(roi, prior, passage)
-        except _Ended as end:
+        except Ended as end:
             passage.outcome, passage.reason = end.outcome, end.reason
         except BusClosed:
             passage.outcome, passage.reason = Outcome.INCONCLUSIVE, ProofReason.STOPPED
@@ -117,12 +117,12 @@ class ProofTest:
             }
         )
 
-    def _pass(self, roi: RoiConfig, prior: Prior | None, passage: _Passage) -> None:
+    def _pass(self, roi: RoiConfig, prior: Prior | None, passage: Passage) -> None:
         """Let the lump pass through the test chain."""
         self._check(roi.id)
         size = self._site_state.size()
         if size is None:
-            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND)
+            raise Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND)
         way = self._way(roi, prior, size)
         lasts_s = way.path[-1].t_s + _AFTER_S
         plan = BlendPlan(
@@ -144,7 +144,7 @@ class ProofTest:
                 now = time.monotonic()
                 if frame is None:
                     if now - received_s > self._camera.blind_after_s:
-                        raise _Ended(Outcome.FAILED, ProofReason.NO_FRAMES)
+                        raise Ended(Outcome.FAILED, ProofReason.NO_FRAMES)
                     continue
                 if not inbox.same_clock:
                     frame = on_this_clock(frame, clock, now)
@@ -162,11 +162,11 @@ class ProofTest:
 
     def _check(self, roi: str) -> None:
         if self._site_state.stopped(0.0):
-            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.STOPPED)
+            raise Ended(Outcome.INCONCLUSIVE, ProofReason.STOPPED)
         decision = self._site_state.decision(roi)
         if decision is not Decision.CLEAR:
             blind = decision is Decision.BLIND
-            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND if blind else ProofReason.DISTURBED)
+            raise Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND if blind else ProofReason.DISTURBED)
 
     def _way(self, roi: RoiConfig, prior: Prior | None, size: tuple[int, int]) -> Way:
         geometry = make_region(roi, *size)
@@ -191,7 +191,7 @@ class ProofTest:
             return
         error = replies[0].error if replies else "nobody answers"
         log.error("%s: proof test: the camera's process: %s", self._camera.id, error)
-        raise _Ended(Outcome.FAILED, ProofReason.NO_CAMERA)
+        raise Ended(Outcome.FAILED, ProofReason.NO_CAMERA)
 
     def _publish(self, result: RoiResult) -> None:
         """The alarms of the test chain, on the test key."""
@@ -206,7 +206,7 @@ class ProofTest:
             self._alarms[result.roi].put(record.line())
 
 
-class _Passage:
+class Passage:
     """What the test chain has said while the lump passed."""
 
     def __init__(self, roi: RoiConfig) -> None:
@@ -220,7 +220,7 @@ class _Passage:
     def take(
         self, result: RoiResult, frame: Frame, way: Way, t_s: float, size: tuple[int, int], now_s: float
     ) -> None:
-        """A frame was judged at `now_s`; the lump is `t_s` on its way. Raises _Ended."""
+        """A frame was judged at `now_s`; the lump is `t_s` on its way. Raises Ended."""
         place = place_at(way.path, t_s)
         if place is not None:
             self.existence = max(self.existence, result.existence)
@@ -228,7 +228,7 @@ class _Passage:
         if self.warning_s is not None or transition is None or transition.change is not Change.RAISED:
             return
         if place is None or not overlaps(result, place, size):
-            raise _Ended(Outcome.INCONCLUSIVE, ProofReason.DISTURBED)
+            raise Ended(Outcome.INCONCLUSIVE, ProofReason.DISTURBED)
         self.warning_s = way.arrives_s - t_s - (now_s - frame.capture_s)
         passed = self.warning_s >= self._least_s and self.warning_s > 0.0
         self.outcome = Outcome.PASSED if passed else Outcome.FAILED

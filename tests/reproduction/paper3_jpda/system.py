@@ -153,9 +153,9 @@ class _Judge:
     ) -> None:
         true = np.array([box for _, box, _ in truth]).reshape(-1, 4)
         counts = np.array([share >= VISIBLE for _, _, share in truth], dtype=bool)
-        _count(true, counts, boxes, outcome.regions)
+        count(true, counts, boxes, outcome.regions)
         confirmed = [one for one in objects if one.confirmed]
-        pairs = _count(
+        pairs = count(
             true, counts, clipped(np.array([o.box for o in confirmed]).reshape(-1, 4)), outcome.tracked
         )
         of_truth = {i: confirmed[j].id for i, j in pairs}
@@ -185,7 +185,7 @@ class _Judge:
         outcome.falsely += sum(not on & wrong for on in self.flagged.values())
 
 
-def _count(true: Array, counts: NDArray[np.bool_], found: Array, into: Counts) -> list[tuple[int, int]]:
+def count(true: Array, counts: NDArray[np.bool_], found: Array, into: Counts) -> list[tuple[int, int]]:
     """Pair boxes one to one; those on objects that are hardly visible count neither way."""
     shared = overlaps(_from_corner(true), _from_corner(found))
     rows, columns = linear_sum_assignment(np.where(shared >= OVERLAP, shared, 0.0), maximize=True)
