@@ -38,13 +38,16 @@ $(READY): pyproject.toml requirements.lock
 demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself
 	$(BIN)/lumpwatch demo --seconds $(DEMO_SECONDS)
 
-# Those that start daemons and break them mostly wait, so they run beside the others.
+# Those that start daemons and break them mostly wait, so they run beside the others, which share the cores file by file.
 DAEMONS := tests/faults tests/integration
+WORKERS ?= 2
 
 test: setup system ## all tests; those of `make container` where it was run before
 	@mkdir -p build; $(BIN)/pytest $(DAEMONS) >build/daemons.log 2>&1 & daemons=$$!; \
-	$(BIN)/pytest $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
-	wait $$daemons; code=$$?; cat build/daemons.log; exit $$((others | code))
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile --cov --cov-report= $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
+	wait $$daemons; code=$$?; \
+	$(BIN)/coverage report --skip-covered --skip-empty --sort=cover >build/coverage.txt; head -n 14 build/coverage.txt; tail -n 1 build/coverage.txt; \
+	cat build/daemons.log; exit $$((others | code))
 
 container: setup base ## the image on a real engine: built, run, killed, upgraded, rolled back; as root
 	LUMPWATCH_TEST_BASE=$(BASE) $(BIN)/pytest tests/container
