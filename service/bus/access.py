@@ -14,7 +14,7 @@ from lumpwatch.service.bus.keys import Kind, on_every_site
 from lumpwatch.service.config import AccessConfig
 
 INTERNAL = (Kind.TEST_FRAME, Kind.BLEND)
-"""What the daemon's processes say among themselves."""
+"""What the daemon's processes exchange among themselves."""
 READABLE = tuple(kind for kind in Kind if kind not in INTERNAL)
 """What everyone with a certificate may receive."""
 

@@ -28,7 +28,7 @@ class Lanes:
     """The threads of a session in which services are answered: one a lane."""
 
     def __init__(self, refusals: Worker) -> None:
-        """`refusals` tells who is not let in."""
+        """`refusals` is the thread that answers queries that are refused."""
         self._refusals = refusals
         self._workers: dict[str, Worker] = {}
         self._lock = threading.Lock()

@@ -87,9 +87,9 @@ def _read(source: Reconnecting, daemon: DaemonConnection, metrics: CameraMetrics
 
 
 class Reducer:
-    """Cuts frames down to what the camera's regions look at, whatever the size of the picture.
+    """Cuts frames down to what the camera's regions need, whatever the size of the picture.
 
-    Where the quality of the picture is looked at, a thumbnail of the whole goes with it.
+    Where the quality of the picture is checked, a thumbnail of the whole goes with it.
     """
 
     def __init__(self, camera: CameraConfig) -> None:

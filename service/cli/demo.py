@@ -65,7 +65,7 @@ cameras:
 
 def demo(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    os.environ.setdefault(LEVEL, "error")  # the follower tells what happens, once
+    os.environ.setdefault(LEVEL, "error")  # the follower prints what happens, once
     log_to_stderr()
     stop = stop_on_signals()
     console = Console(highlight=False)

@@ -57,26 +57,26 @@ def _own(row: Command) -> dict[str, FieldInfo]:
 
 
 def _add_field(parser: argparse.ArgumentParser, name: str, field: FieldInfo) -> None:
-    told = (field.description or name).rstrip(".").replace("`", "")
-    told = told[0].lower() + told[1:]
+    text = (field.description or name).rstrip(".").replace("`", "")
+    text = text[0].lower() + text[1:]
     if get_origin(field.annotation) is Literal:
-        parser.add_argument(name, choices=get_args(field.annotation), help=told)
+        parser.add_argument(name, choices=get_args(field.annotation), help=text)
     elif name.endswith(_SPAN):
-        option, told = name.removesuffix(_SPAN), f"{told}: 90s, 30m, 1h30m"
-        parser.add_argument(f"--{option}", required=field.is_required(), dest=name, metavar="TIME", help=told)
+        option, text = name.removesuffix(_SPAN), f"{text}: 90s, 30m, 1h30m"
+        parser.add_argument(f"--{option}", required=field.is_required(), dest=name, metavar="TIME", help=text)
     else:
-        parser.add_argument(f"--{name}", required=field.is_required(), metavar="TEXT", help=told)
+        parser.add_argument(f"--{name}", required=field.is_required(), metavar="TEXT", help=text)
 
 
 def _ask(row: Command, arguments: argparse.Namespace) -> int:
     """Run a command."""
-    asked: dict[str, object] = {"actor": arguments.actor, "class": arguments.alarm_class}
+    given: dict[str, object] = {"actor": arguments.actor, "class": arguments.alarm_class}
     for name in _own(row):
         value = getattr(arguments, name)
         if value is not None:
-            asked[name] = seconds_of(value) if name.endswith(_SPAN) else value
+            given[name] = seconds_of(value) if name.endswith(_SPAN) else value
     try:
-        request = read_request(row.request, asked)
+        request = read_request(row.request, given)
     except AlarmRequestError as error:
         raise ConfigError(f"{row.name}: {error}") from error
     config = load_config(arguments.config)
@@ -86,7 +86,7 @@ def _ask(row: Command, arguments: argparse.Namespace) -> int:
     parameters = request.model_dump(mode="json", by_alias=True, exclude_none=True)
     with open_client(as_client(config.bus), wait=False) as bus:
         answer = ask_one(bus, key, {name: str(value) for name, value in parameters.items()}, target)
-    told = ActReply.model_validate_json(answer)
-    changes = ", ".join(told.changes) or "nothing to do"
-    print(f"{target} {told.alarm_class}: {changes}, now {told.alarm}")  # noqa: T201
+    reply = ActReply.model_validate_json(answer)
+    changes = ", ".join(reply.changes) or "nothing to do"
+    print(f"{target} {reply.alarm_class}: {changes}, now {reply.alarm}")  # noqa: T201
     return 0

@@ -36,7 +36,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "action",
         choices=("list", "show", "shadow", "promote", "drop", "rollback", "export", "import"),
-        help="what to do; shadow tells how the trial goes, or begins one with --version",
+        help="what to do; shadow prints how the trial goes, or begins one with --version",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(

@@ -67,14 +67,14 @@ def refine_command(arguments: argparse.Namespace) -> int:
     with progress("reading", None) as advance:
         trained = refine(roi, clips, advance)
 
-    def tell(_: Prior) -> None:
+    def warn_and_keep(_: Prior) -> None:
         for warning in trained.warnings:
             _warn(warning)
         for clip in given:
             keep_footage(footage, clip.video, clip.labels)
 
     prior = trained.as_prior(camera.id, roi, sources_text(names), datetime.now(UTC))
-    stored = accept(store, prior, tell, shadow=True).prior
+    stored = accept(store, prior, warn_and_keep, shadow=True).prior
     print(  # noqa: T201
         f"{camera.id}/{roi.id}: version {stored.version} runs in shadow, learned from {len(clips)} clips with "
         f"{stored.learned.tracks} objects; promote or drop it with lumpwatch priors"
@@ -88,7 +88,7 @@ def archive_of(config: SiteConfig, camera: str, roi: RoiConfig) -> FootageArchiv
 
 
 def keep_footage(footage: FootageArchive, video: Path, labels: Path | None) -> None:
-    """Keep a clip that was trained on, where that is wanted, and tell what had to go or cannot be kept."""
+    """Keep a clip that was trained on, where that is wanted, and report what had to go or cannot be kept."""
     try:
         for name in footage.add(video, labels, np.random.default_rng()):
             _warn(f"{name}: let go, the footage kept is bounded by learning.footage_mb")

@@ -47,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         log.info("%s/%s: prior %s", camera_id, roi_id, note)
     roles = (arguments.only,) if arguments.only else ("camera", "monitor")
 
-    def tell(addresses: Addresses) -> None:
+    def log_addresses(addresses: Addresses) -> None:
         log.info("bus on %s, metrics on %s/metrics", ", ".join(addresses.bus), addresses.telemetry)
 
-    run_daemon(config, stop_on_signals(), arguments.camera, roles, tell)
+    run_daemon(config, stop_on_signals(), arguments.camera, roles, log_addresses)
     return 0

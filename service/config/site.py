@@ -21,7 +21,7 @@ class StoreConfig(Strict):
     keep_priors: int = Field(default=10, ge=2, le=1000)
     """How many versions of each prior are kept."""
     poll_s: PositiveSeconds = 1.0
-    """How often a running daemon looks for a new prior."""
+    """How often a running daemon polls the store for a new prior."""
     keep_events_days: Days = 730.0
     """How long the event log keeps what is over and acknowledged."""
     keep_events: int = Field(default=1_000_000, ge=100)

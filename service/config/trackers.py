@@ -49,9 +49,9 @@ class TrackerBase(DetectorBase):
     """What both trackers have."""
 
     foreground: ForegroundConfig = StatisticalConfig()
-    """How moving things are told from the background."""
+    """How moving things are separated from the background."""
     least_area_share: Annotated[float, Field(gt=0.0, le=0.5)] = 0.001
-    """Smallest moving region that is looked at, as a share of the working picture."""
+    """Smallest moving region that is considered, as a share of the working picture."""
 
     @property
     def needs_colour(self) -> bool:

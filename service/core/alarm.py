@@ -338,7 +338,7 @@ def _release(
     """A hold has ended: `freed` is the alarm without it."""
     if freed.held or not freed.active:
         return freed, (_transition(change, alarm, freed, time_s, actor, reason),)
-    # Told as two changes, so that whoever follows the alarm sees an ordinary `raised`.
+    # Reported as two changes, so that whoever follows the alarm sees an ordinary `raised`.
     quiet = replace(freed, active=False, latched=False)
     raised, announced = _raised(freed, time_s, quiet)
     raised = replace(raised, since_s=freed.since_s)  # an off-delay that runs goes on

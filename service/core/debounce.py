@@ -1,4 +1,4 @@
-"""From what checks find to what a ROI says: each reason has a time to enter and a time to leave.
+"""Debounces the findings of the checks: each reason has a time to enter and a time to leave.
 
 Pure; times are those of frames. Whatever the order of findings: once something has been found without a
 break for the longest of the entry times, the ROI is BLIND.
@@ -34,7 +34,7 @@ class ReasonDebouncer:
     """The reasons for which one ROI is BLIND."""
 
     def __init__(self, times: Mapping[BlindReason, DebounceTimes]) -> None:
-        """Reasons without times are not looked at."""
+        """Reasons without times are ignored."""
         self._times = dict(times)
         self._checks = {reason: _Check() for reason in times}
         self._unfit_since_s: float | None = None
@@ -43,17 +43,17 @@ class ReasonDebouncer:
 
     @property
     def reasons(self) -> Collection[BlindReason]:
-        """All that are looked at."""
+        """All that are debounced."""
         return self._times.keys()
 
     @property
     def reason(self) -> BlindReason | None:
-        """The first of the reasons that hold, in the order of `BlindReason`."""
+        """The first of the active reasons, in the order of `BlindReason`."""
         active = [reason for reason, check in self._checks.items() if check.active]
         return min(active, key=_ORDER.__getitem__, default=None)
 
     def step(self, time_s: float, found: Collection[BlindReason]) -> BlindReason | None:
-        """What holds after the checks have found these at `time_s`; times never fall."""
+        """The reason after the checks have found these at `time_s`; times never fall."""
         relevant = [reason for reason in found if reason in self._checks]
         if not relevant:
             self._unfit_since_s = None

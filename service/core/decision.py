@@ -21,7 +21,7 @@ class Decision(StrEnum):
 
 
 class BlindReason(StrEnum):
-    """Why a ROI cannot judge; of several reasons the first of this list is told."""
+    """Why a ROI cannot judge; of several reasons the first of this list is reported."""
 
     STARTING = "starting"
     """No frame has come yet."""

@@ -1,4 +1,4 @@
-"""What a detector says of one frame."""
+"""What a detector finds in one frame."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class DetectedObject:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """What the filter says of one frame."""
+    """What the filter finds in one frame."""
 
     existence: float
     """Probability that an object is there."""

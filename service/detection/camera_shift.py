@@ -1,4 +1,4 @@
-"""Where a camera looks: small shifts are followed by the regions, large ones make them BLIND."""
+"""How far a camera has moved: small shifts are followed by the regions, large ones make them BLIND."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LEAST_ESTIMATES = 3
 
 
 class CameraShift:
-    """Registers a camera against the stills of its reference; without one it says nothing."""
+    """Registers a camera against the stills of its reference; without one it finds no shift."""
 
     def __init__(self, camera: str, config: QualityConfig) -> None:
         self._camera = camera

@@ -1,4 +1,4 @@
-"""Who is told what the steps of a camera's regions do: counts and times, for metrics."""
+"""Observers of the steps of a camera's regions: counts and times, for metrics."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class ChannelListener(Protocol):
-    """Is told about the steps of a region."""
+    """Observes the steps of a region."""
 
     def stage(self, stage: str, roi: str, seconds: float) -> None:
         """A stage (cut, quality, filter) of the work on one frame took this long."""
@@ -23,7 +23,7 @@ class PipelineObserver(ChannelListener, Protocol):
 
 
 class Unobserved:
-    """An observer that looks away."""
+    """An observer that ignores everything."""
 
     def dropped(self, reason: str) -> None:
         """Nothing."""

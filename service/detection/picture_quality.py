@@ -1,4 +1,4 @@
-"""Whether one camera's picture is fit to judge: measures -> findings -> what each ROI says.
+"""Whether one camera's picture is fit to judge: measures -> findings -> the reason of each ROI.
 
 The same object live and in replay: it reads no clock, times are those of frames. Measures are medians over
 seconds against a learned reference, or against stated defaults that find a picture
@@ -43,7 +43,7 @@ class CameraQuality:
         self._pace = _Pace()
         self._late = False
         self.shift = CameraShift(camera, config)
-        """Where the camera looks."""
+        """How far the camera has moved."""
 
     def fit(self, rois: Mapping[str, Roi], width: int, height: int, reference: Reference | None) -> None:
         """Measure pictures of this size with these regions, against another reference or none.
@@ -59,7 +59,7 @@ class CameraQuality:
         self.shift.fit(rois, width, height, reference)
 
     def picture(self, frame: Frame, now_s: float) -> None:
-        """The whole of a new frame, before its regions are looked at."""
+        """The whole of a new frame, before its regions are observed."""
         if not self._config.enabled:
             return
         overload = self._config.overload

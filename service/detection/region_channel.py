@@ -2,7 +2,7 @@
 
 This is the only definition of that step. Live and in replay, in a proof test, in shadow, and where training
 judges what it has learned, the same object runs. What differs between them is an argument: the prior, who
-judges the pictures (`PictureJudge`), who is told (`ChannelListener`), and whether a step begins with a frame
+judges the pictures (`PictureJudge`), who observes (`ChannelListener`), and whether a step begins with a frame
 or with pictures that were cut already.
 """
 
@@ -46,7 +46,7 @@ class RegionMisfitError(LumpwatchError):
 
 
 class PictureJudge(Protocol):
-    """Says where a region lies and whether its picture is fit; `CameraQuality` does so live."""
+    """Knows where a region lies and whether its picture is fit; `CameraQuality` does so live."""
 
     def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
         """The region where it lies now, and by how many pixels of the picture it was moved."""
@@ -69,7 +69,7 @@ class EveryPictureFit:
         """How far the region was moved along with the camera."""
 
     def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
-        """Where it was told to be."""
+        """At the offset that was set."""
         x, y = self.offset_px
         return roi.at(roi.x + x, roi.y + y), (x, y)
 
@@ -99,8 +99,8 @@ class RegionChannel:
     ) -> None:
         """`pictures`: None takes every picture for fit.
 
-        `refused` is told of a prior that does not fit, and the stated defaults are used in its place; without
-        it `fit` raises.
+        `refused` is called with the error of a prior that does not fit, and the stated defaults are used in its
+        place; without it `fit` raises.
         """
         self.config = config
         self.prior = prior
@@ -212,7 +212,7 @@ class RegionChannel:
             self._sizer.restore(snapshot.sizes)
 
     def _begun(self, geometry: Roi, width: int, height: int) -> Detector:
-        """A detector with the prior, or with the defaults where that is refused and somebody is told."""
+        """A detector with the prior, or with the defaults where that is refused and `refused` was given."""
         if self.prior is not None:
             try:
                 self.prior.check_fits(self.config, width, height)

@@ -1,7 +1,7 @@
 """How large the objects of a ROI are in millimetres, and when they reach the lip.
 
-A box of one frame says little and the next one says nearly the same, so the size of an object is the
-mean of the logarithm over its frames, each half second counting as one look. What no number of looks
+The box of one frame shows little and the next one nearly the same, so the size of an object is the
+mean of the logarithm over its frames, each half second counting as one independent measurement. What no number of them
 takes away is that a lump is no sphere (`SHAPE_SPREAD`), and what time does is that a new box lies badly
 (`SETTLING_SPREAD`).
 """

@@ -19,7 +19,7 @@ class Snapshot:
     size: tuple[int, int] | None
     """Width and height of that frame."""
     filter: FilterState | None
-    """None before the first frame, and for detectors that cannot tell."""
+    """None before the first frame, and for detectors that cannot export it."""
     sizes: dict[int, SizeTrack]
     """What is remembered of the objects' sizes."""
     alarms: dict[AlarmClass, Alarm]

@@ -1,4 +1,4 @@
-"""A piece of evidence as it lies in its folder; `lumpwatch.service.protocol.evidence` says of what it consists."""
+"""A piece of evidence as it lies in its folder; `lumpwatch.service.protocol.evidence` defines what it consists of."""
 
 from __future__ import annotations
 

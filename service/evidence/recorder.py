@@ -112,7 +112,7 @@ class Recorder:
         submit: Callable[[Clip], None],
         waiting: Callable[[], int],
     ) -> None:
-        """Complete clips go to `submit`; `waiting` tells the bytes of those that are not written yet."""
+        """Complete clips go to `submit`; `waiting` gives the bytes of those that are not written yet."""
         self._config = config
         self._observer = observer
         self._submit = submit

@@ -1,6 +1,6 @@
 """Writes evidence in a thread of its own, so that neither encoding nor a disk holds up the filter.
 
-What cannot be written is given up and counted, and said once in the log; the next clip is tried again.
+What cannot be written is given up and counted, and logged once; the next clip is tried again.
 The thread also keeps the store within its bounds.
 """
 
@@ -53,7 +53,7 @@ class EvidenceWriter:
         wall: Callable[[], float] = time.time,
         fill: Callable[[Path, Clip, str, CameraConfig, str], EvidenceMeta] = write_files,
     ) -> None:
-        """`judged` tells, when asked, which evidence has a verdict; `fill` writes the files of a clip."""
+        """`judged` gives, when called, a test of which evidence has a verdict; `fill` writes the files of a clip."""
         self._store = store
         self._origin = origin
         self._config = config

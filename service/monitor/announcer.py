@@ -1,4 +1,4 @@
-"""Tells the world what the pipeline of one camera decided: event log, alarms, states, levels, metrics.
+"""Publishes what the pipeline of one camera decided: event log, alarms, states, levels, metrics.
 
 An alarm record is in the event log before it is on the bus, as far as the disk allows (see
 `lumpwatch.service.storage.event_log_writer`), and a record that was in the log but perhaps not on the bus when the
@@ -69,7 +69,7 @@ class Announcer:
         clocks: Callable[[], Clocks],
         evidence: Evidence | None = None,
     ) -> None:
-        """`clock` names this host's monotonic clock, `clocks` tells the time."""
+        """`clock` names this host's monotonic clock, `clocks` reads the clocks."""
         self._site = site
         self._bus = bus
         self._connected = False
@@ -172,7 +172,7 @@ class Announcer:
             self._metrics.latency(result.roi, watch.last)
 
     def close(self) -> None:
-        """Nobody watches any more."""
+        """End the open spans of uptime."""
         self._write_spans(self._uptime.close(self._clocks()))
 
     def _write_spans(self, spans: tuple[Span, ...]) -> None:

@@ -1,6 +1,6 @@
-"""Looks for what was newly stored for a camera while the daemon runs: priors, the reference, shadows.
+"""Polls the store for what is new for a camera while the daemon runs: priors, the reference, shadows.
 
-All three lie in the store and are looked at every `poll_s` in a thread of their own, so that a disk that
+All three lie in the store and are polled every `poll_s` in a thread of their own, so that a disk that
 hangs holds up no decision: the monitor takes what was found, and never waits for it.
 """
 
@@ -27,7 +27,7 @@ from lumpwatch.service.telemetry import MonitorMetrics
 log = logging.getLogger(__name__)
 
 HUNG_S = 10.0
-"""After so long a look at the store is said to hang."""
+"""A poll of the store that takes longer counts as hung."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +99,11 @@ class ArtifactWatcher:
         return (*found, *self.poll())
 
     def start(self) -> None:
-        """Go on looking, in a thread."""
+        """Go on polling, in a thread."""
         threading.Thread(target=self._run, name="artifacts", daemon=True).start()
 
     def close(self) -> None:
-        """Look no more; does not wait for a look that is under way."""
+        """Stop polling; does not wait for a poll that is under way."""
         self._closed.set()
 
     def take(self) -> tuple[Artifact, ...]:
@@ -122,7 +122,7 @@ class ArtifactWatcher:
         return found
 
     def poll(self) -> tuple[Artifact, ...]:
-        """Look once at everything; what is new."""
+        """Poll everything once; what is new."""
         found: list[Artifact] = []
         for roi in self._rois:
             found += self._poll_prior(roi)

@@ -34,7 +34,7 @@ class Publish:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """Count a change, and say it in the log."""
+    """Count a change, and log it."""
 
     roi: str
     alarm_class: AlarmClass

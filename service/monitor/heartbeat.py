@@ -1,4 +1,4 @@
-"""The dead man's switch: a heartbeat that says by itself when it must not be trusted.
+"""The dead man's switch: a heartbeat that states by itself when it must not be trusted.
 
 It is sent by the monitor's main loop, so it stops when that hangs. A loop that turns without deciding
 makes it invalid: a CLEAR or a LUMP counts for `blind_after_s` after the decision that it came from.
@@ -13,7 +13,7 @@ from lumpwatch.service.core import Clocks, Decision, utc
 from lumpwatch.service.protocol import Heartbeat, RoiBeat
 
 VALID_S = 3.0
-"""Levels and heartbeats that are older say nothing any more."""
+"""Levels and heartbeats that are older are no longer valid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class LastDecision:
 
 
 def roi_beat(last: LastDecision, blind_after_s: float, clocks: Clocks) -> RoiBeat:
-    """What the heartbeat says of one ROI at the moment `clocks`."""
+    """The part of one ROI in the heartbeat at the moment `clocks`."""
     if last.decided_s is None:
         return RoiBeat(state=last.state, decided_ago_s=None, valid=last.state is Decision.BLIND)
     ago = max(0.0, clocks.monotonic_s - last.decided_s)

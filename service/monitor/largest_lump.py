@@ -1,4 +1,4 @@
-"""The largest lump of an alarm, as it was known last: what an alarm says when it is raised is a first look."""
+"""The largest lump of an alarm, as it was measured last: when an alarm is raised its size is a first estimate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class LargestLump:
         self._active = False
 
     def observe(self, result: RoiResult) -> None:
-        """A result of that ROI, before its changes are told."""
+        """A result of that ROI, before its changes are announced."""
         active = result.alarm.active
         if active and not self._active:
             self._sizes.clear()

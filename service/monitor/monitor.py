@@ -71,7 +71,7 @@ class Monitor:
         clocks: Callable[[], Clocks],
         priors: PriorStore | None = None,
     ) -> None:
-        """`clock` names this host's monotonic clock, `clocks` tells the time.
+        """`clock` names this host's monotonic clock, `clocks` reads the clocks.
 
         `priors` None: those of the configured store.
         """
@@ -143,7 +143,7 @@ class Monitor:
         self._polled_s = self._beat_s = 0.0
 
     def run(self) -> None:
-        """Until the link says stop."""
+        """Until the daemon stops it."""
         self._announcer.send_again()
         self._update_troubles()
         self._publish(self._pipeline.poll(self._now()))

@@ -12,7 +12,7 @@ class Proofs(Protocol):
     """The proof tests of a camera."""
 
     def troubles(self, roi: str) -> dict[Trouble, bool]:
-        """What they have to say to the system alarm of a ROI."""
+        """The troubles that they report to the system alarm of a ROI."""
 
     def poll(self) -> None:
         """Start a test where one is due."""

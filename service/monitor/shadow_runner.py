@@ -1,4 +1,4 @@
-"""The shadows of one camera in a running monitor: run behind the decisions, told on the bus, kept on the disk."""
+"""The shadows of one camera in a running monitor: run behind the decisions, published on the bus, kept on the disk."""
 
 from __future__ import annotations
 

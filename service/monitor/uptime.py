@@ -1,6 +1,6 @@
-"""How long each ROI could see: sums over spans of a minute, for the event log.
+"""The uptime of each ROI, which is how long it could see: sums over spans of a minute, for the event log.
 
-The time between two looks at a ROI counts as what the first of them said. A longer gap means that the
+The time between two results of a ROI counts as the first of them was. A longer gap means that the
 monitor itself stood still: what goes beyond it belongs to no span, and no report takes it for seeing.
 """
 
@@ -13,7 +13,7 @@ from lumpwatch.service.storage import Span
 
 SPAN_S = 60.0
 LONGEST_GAP_S = 2.0
-"""A monitor that lives looks four times a second."""
+"""A monitor that runs polls four times a second."""
 
 
 @dataclass(slots=True)
@@ -28,13 +28,13 @@ class _OpenSpan:
 
 
 class UptimeRecorder:
-    """Sums up what the ROIs of one camera say."""
+    """Sums up how long the ROIs of one camera could see."""
 
     def __init__(self) -> None:
         self._rois: dict[str, _OpenSpan] = {}
 
     def observe(self, roi: str, reason: str | None, clocks: Clocks) -> tuple[Span, ...]:
-        """A ROI said whether it sees; the spans that are complete by now."""
+        """A ROI could see (None), or was blind for this reason; the spans that are complete by now."""
         now = clocks.monotonic_s
         open_span = self._rois.setdefault(roi, _OpenSpan(now, now, reason))
         ended = self._count(roi, open_span, clocks)
@@ -44,7 +44,7 @@ class UptimeRecorder:
         return (*ended, *self._end(roi, open_span, clocks))
 
     def close(self, clocks: Clocks) -> tuple[Span, ...]:
-        """All that is not told yet."""
+        """All that is not returned yet."""
         return tuple(
             span
             for roi, open_span in self._rois.items()
@@ -52,7 +52,7 @@ class UptimeRecorder:
         )
 
     def _count(self, roi: str, open_span: _OpenSpan, clocks: Clocks) -> tuple[Span, ...]:
-        """Add the time since the last look; after a gap the span before it is complete."""
+        """Add the time since the last result; after a gap the span before it is complete."""
         passed_s = clocks.monotonic_s - open_span.last_s
         counted_s = min(passed_s, LONGEST_GAP_S)
         if open_span.reason is None:

@@ -1,4 +1,4 @@
-"""Verdicts: what operators say of an alarm afterwards, by query to the running monitor."""
+"""Verdicts: how operators judge an alarm afterwards, by query to the running monitor."""
 
 from __future__ import annotations
 

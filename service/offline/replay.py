@@ -102,7 +102,7 @@ def run_replay(
 ) -> Summary:
     """Run the pipeline over `frames` and write states.jsonl, alarms.jsonl and summary.json into `out`.
 
-    `prepare` is shown the pipeline before the first frame; `decided_s` tells when a frame is decided;
+    `prepare` is shown the pipeline before the first frame; `decided_s` gives the time at which a frame is decided;
     `quality` judges the picture in the place of the pipeline. Raises ReplayError where `out` cannot be
     written or the file holds no frame, RegionMisfitError where no ROI fits the pictures, and what the
     source raises.

@@ -14,7 +14,7 @@ from lumpwatch.service.storage import Prior, PriorStore
 
 
 class ReplayShadow:
-    """A watcher of a replay; looks at every frame, however long that takes. Times count from 1970-01-01."""
+    """A listener of a replay; filters every frame, however long that takes. Times count from 1970-01-01."""
 
     def __init__(self, camera: CameraConfig, store: PriorStore, version: int) -> None:
         """Of every ROI that has the version. Raises ConfigError where none does, PriorError."""

@@ -1,4 +1,4 @@
-"""What is said on the bus and in files: messages, commands, their schemas, and how results become records."""
+"""The contract of the bus and of files: messages, commands, their schemas, and how results become records."""
 
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
 from lumpwatch.service.protocol.commands import COMMANDS, Cli, Command, Lane, PriorRequest

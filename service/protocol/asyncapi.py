@@ -53,7 +53,7 @@ _JPEG = Content(
 _TOKEN = Content("Token", "A liveliness token; it has no content.", "application/octet-stream")
 
 _PUBLISHED: dict[Kind, _Channel] = {
-    Kind.FRAME: _Channel("What the monitor looks at; newest wins, dropped where a receiver is slow.", _FRAME),
+    Kind.FRAME: _Channel("What the monitor filters; newest wins, dropped where a receiver is slow.", _FRAME),
     Kind.JPEG: _Channel("The whole picture for people, encoded only while someone listens.", _JPEG),
     Kind.TEST_FRAME: _Channel("Frames with the synthetic lump of a proof test.", _FRAME),
     Kind.BLEND: _Channel("Asks the camera's process for those.", asks=BlendPlan, replies=BlendReply),
@@ -109,7 +109,7 @@ def asyncapi_document() -> dict[str, Any]:
         "info": {
             "title": "lumpwatch",
             "version": "1",
-            "description": "What the daemon says and takes on its zenoh bus. Queries are zenoh queries, whose "
+            "description": "What the daemon publishes and answers on its zenoh bus. Queries are zenoh queries, whose "
             "parameters stand behind the `?` of the selector or in the payload.",
             "license": {"name": "Apache-2.0"},
         },

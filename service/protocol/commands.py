@@ -231,7 +231,7 @@ _ROWS = (
     ),
     Command(
         "verdict",
-        "Says whether a lump alarm was one.",
+        "Records whether a lump alarm was justified.",
         Role.OPERATOR,
         VerdictRequest(actor="anna", verdict=VerdictOutcome.FALSE, alarm="12", note="dust"),
         lane=Lane.STORE,

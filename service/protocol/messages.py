@@ -250,7 +250,7 @@ class AlarmEvent(Record):
 
 
 class RoiBeat(Record):
-    """What a heartbeat says of one ROI."""
+    """The part of one ROI in a heartbeat."""
 
     state: Decision
     """CLEAR, LUMP or BLIND."""

@@ -1,4 +1,4 @@
-"""What a proof test says on the bus."""
+"""The messages of a proof test on the bus."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Outcome(StrEnum):
     PASSED = "passed"
     FAILED = "failed"
     INCONCLUSIVE = "inconclusive"
-    """It could not be judged, which says nothing of the chain; it is tried again."""
+    """It could not be judged, which shows nothing about the chain; it is tried again."""
 
 
 class ProofReason(StrEnum):

@@ -1,4 +1,4 @@
-"""What is told of a shadow, on the bus and in the store."""
+"""The state of a shadow, on the bus and in the store."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Counts:
     lead_s: float = 0.0
     """By how much the shadow was earlier, summed over the alarms that both raised."""
     frames: int = 0
-    """Frames that the shadow looked at."""
+    """Frames that the shadow filtered."""
     skipped: int = 0
     """Frames that it left out for want of time."""
 
@@ -59,7 +59,7 @@ class ShadowState(Record):
     failed: str | None = None
     """Why it does not run any more; null: it runs."""
     existence: float | None = Field(default=None, ge=0.0, le=1.0)
-    """Probability of a lump by the shadow; null as long as it has not looked."""
+    """Probability of a lump by the shadow; null before its first frame."""
     lump: bool = False
     """Whether the shadow would have an alarm now."""
     agree_s: float = 0.0
@@ -77,7 +77,7 @@ class ShadowState(Record):
     lead_s: float = 0.0
     """How much earlier the shadow was, summed over the alarms of both."""
     frames: int = 0
-    """Frames that the shadow looked at."""
+    """Frames that the shadow filtered."""
     skipped: int = 0
     """Frames that it left out because the time was needed otherwise."""
 

@@ -1,4 +1,4 @@
-"""What people say of an alarm afterwards."""
+"""Verdicts: how people judge an alarm afterwards."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lumpwatch.service.protocol.requests import Name, OptionalReason, Request
 
 
 class VerdictOutcome(StrEnum):
-    """What an operator says of an alarm."""
+    """Whether an alarm was justified, as an operator judges it."""
 
     TRUE = "true"
     FALSE = "false"

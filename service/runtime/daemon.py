@@ -49,7 +49,7 @@ class Workers(Protocol):
     """The worker processes, as the daemon sees them; `Supervisor` is one."""
 
     def reports(self) -> Mapping[tuple[str, str], Report | None]:
-        """The last report of each by role and camera; None: not heard since its start."""
+        """The last report of each by role and camera; None: no report since its start."""
 
     def watch(self) -> None:
         """Hear all, kill the stuck, start the dead; never waits."""

@@ -44,7 +44,7 @@ class ReportReader:
             self._connection.send("stop")
 
     def wait_for_end(self, within_s: float) -> None:
-        """Wait until all that an ended worker has said is heard, but no longer than this."""
+        """Wait until all reports of an ended worker are read, but no longer than this."""
         self._thread.join(timeout=within_s)
 
     def _read(self) -> None:

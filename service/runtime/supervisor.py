@@ -30,11 +30,11 @@ _LAST_WORDS_S = 0.5
 _CALM_S = 60.0
 """A worker that lived this long starts again without delay growing."""
 _QUIET_S = 3.0
-"""What a worker said longer ago is no longer shown as if it were so: silence must not look like clear."""
+"""What a worker reported longer ago is no longer shown as if it were so: silence must not look like clear."""
 _STARTING_S = 120.0
 """How long a worker may take to load its libraries and, on a first start, to compile its kernels."""
 _LATE_S = 1.0
-"""After a pause of the daemon itself that was longer, workers get as long to be heard before they are judged."""
+"""After a pause of the daemon itself that was longer, workers get as long to report before they are judged."""
 _SILENT_S = 10.0
 """A worker whose reporting thread is silent for longer is stopped or swapped out: it is stuck."""
 
@@ -124,7 +124,7 @@ class Supervisor:
         start: Callable[[Task], tuple[Process, Connection]] = spawn,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`restarted` is told camera, role and reason of each end that leads to a new start."""
+        """`restarted` is called with camera, role and reason of each end that leads to a new start."""
         self._keepers = [_Keeper(task) for task in tasks]
         self._relay = relay
         self._restarted = restarted
@@ -133,7 +133,7 @@ class Supervisor:
         self._watched_s = self._judged_from_s = clock()
 
     def reports(self) -> dict[tuple[str, str], Report | None]:
-        """The last report of each worker by role and camera; None: not heard since its start."""
+        """The last report of each worker by role and camera; None: no report since its start."""
         return {
             (keeper.task.role, keeper.task.camera): keeper.running.report if keeper.running else None
             for keeper in self._keepers

@@ -49,7 +49,7 @@ _COLUMNS = (
     "actor", "reason", "existence", "frame", "id", "sequence", "alarm", "details",
 )  # fmt: skip
 _FIELDS = tuple(field.name for field in fields(Event))
-# A commit whose success could not be told is tried again: the same event is still one row.
+# A commit whose success is not known is tried again: the same event is still one row.
 _INSERT = (
     f"INSERT INTO events ({', '.join(_COLUMNS)}) VALUES ({', '.join('?' * len(_COLUMNS))}) "
     "ON CONFLICT (roi, id) DO NOTHING"

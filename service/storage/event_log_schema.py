@@ -1,6 +1,6 @@
 """The tables of an event log.
 
-Events, verdicts and spans of watching can be added and never changed. A row may be deleted when it lies
+Events, verdicts and spans of uptime can be added and never changed. A row may be deleted when it lies
 below the horizon that retention has set; the last event of an alarm never, since it is the alarm's state.
 """
 

@@ -1,4 +1,4 @@
-"""What the event log holds beside the events: how long a ROI could see, and what people say of alarms."""
+"""What the event log holds beside the events: the uptime of a ROI, and people's verdicts on alarms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lumpwatch.service.protocol import VerdictOutcome as VerdictOutcome
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What someone said of an alarm; of several, the latest counts."""
+    """How someone judged an alarm; of several, the latest counts."""
 
     time_s: float
     """Wall clock, seconds since the epoch."""

@@ -84,7 +84,7 @@ def _number(field: str) -> float | None:
 
 
 def check_frames(boxes: tuple[Box, ...], frames: int, path: Path, video: str) -> None:
-    """Raises LabelError where a label speaks of a frame that the video does not have."""
+    """Raises LabelError where a label names a frame that the video does not have."""
     last = max(box.frame for box in boxes)
     if last > frames:
         raise LabelError(f"{path}: labels frame {last}, but {video} has {frames} frames")

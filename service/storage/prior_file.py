@@ -38,7 +38,7 @@ class PriorError(LumpwatchError):
 
 
 class PriorMeta(BaseModel):
-    """What a prior says of itself."""
+    """The description of a prior."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -51,7 +51,7 @@ class PriorMeta(BaseModel):
     source: str
     """Names of the training videos, without their folders."""
     frames: int
-    """Frames that training looked at."""
+    """Frames that training used."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ class BadReferenceError(LumpwatchError):
 
 
 class ReferenceMeta(BaseModel):
-    """What a reference says of itself."""
+    """The description of a reference."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

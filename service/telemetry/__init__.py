@@ -1,4 +1,4 @@
-"""Prometheus metrics and health of the daemon and its worker processes, and the worker's line to the daemon."""
+"""Prometheus metrics and health of the daemon and its worker processes, and the worker's connection to the daemon."""
 
 from lumpwatch.service.telemetry.camera import CameraMetrics
 from lumpwatch.service.telemetry.daemon import DaemonMetrics

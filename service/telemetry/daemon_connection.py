@@ -1,7 +1,7 @@
-"""The line between the daemon and one of its worker processes.
+"""The connection between the daemon and one of its worker processes.
 
 The worker reports once a second from a thread of its own: its metrics, the time of its main loop's
-last beat, and what it has to say of itself. The daemon sends nothing but the wish to stop. A worker
+last beat, and its state. The daemon sends nothing but the request to stop. A worker
 whose daemon is gone stops by itself.
 """
 
@@ -25,7 +25,7 @@ GRACE_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a worker tells the daemon."""
+    """What a worker reports to the daemon."""
 
     beat_s: float
     """Monotonic time of the main loop's last beat."""

@@ -74,7 +74,7 @@ class PictureMetrics:
         self._holdoffs.labels(self._camera, roi).inc(self._newly(f"holdoffs {roi}", quality.holdoffs))
 
     def shifted(self, reference: int, shift_px: tuple[float, float] | None, follows: int) -> None:
-        """The reference in use, and where the camera looks."""
+        """The reference in use, and how far the camera has moved."""
         self._reference.labels(self._camera).set(reference)
         self._shift.labels(self._camera).set(math.hypot(*(shift_px or (0.0, 0.0))))
         self._follows.labels(self._camera).inc(self._newly("follows", follows))

@@ -57,7 +57,7 @@ class RecordMetrics:
         )
         self._pre_roll = Gauge(
             "lumpwatch_evidence_pre_roll_seconds",
-            "How much lies in memory for the next clip; below pre_roll_s where memory_mb is too small.",
+            "Pre-roll in memory for the next clip; below pre_roll_s where memory_mb is too small.",
             ("camera",),
             registry=registry,
         )
@@ -106,5 +106,5 @@ class RecordMetrics:
         self._evidence_bytes.labels(self._camera).set(size)
 
     def pre_roll(self, seconds: float) -> None:
-        """What lies in memory for the next clip."""
+        """The pre-roll in memory for the next clip."""
         self._pre_roll.labels(self._camera).set(seconds)

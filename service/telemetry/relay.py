@@ -2,7 +2,7 @@
 
 Each worker sends the text of its registry once a second; the newest text of each is parsed by the
 client library when Prometheus scrapes. Counters of a worker that was started again go on from where
-its predecessor was last heard.
+its predecessor last reported.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Relay(Collector):
             self._silent.discard(worker)
 
     def silent(self, worker: str) -> None:
-        """A worker says nothing for now: show what it counted, but no gauge as if it were still so."""
+        """A worker does not report for now: show what it counted, but no gauge as if it were still so."""
         with self._lock:
             self._silent.add(worker)
 
@@ -70,7 +70,7 @@ class Relay(Collector):
         return families.values()
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing is known before the workers speak."""
+        """Nothing is known before the workers report."""
         return []
 
 

@@ -39,7 +39,7 @@ class ShadowMetrics:
         )
         self._frames = Counter(
             "lumpwatch_shadow_frames",
-            "Frames while a prior ran in shadow; reason is looked, or skipped for want of time.",
+            "Frames while a prior ran in shadow; reason is looked (filtered), or skipped for want of time.",
             (*labels, "reason"),
             registry=registry,
         )

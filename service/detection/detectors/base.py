@@ -16,7 +16,7 @@ from lumpwatch.service.errors import LumpwatchError
 LONGEST_STEP_S = 2.0
 """After a longer gap between frames the objects may be anywhere: the search starts anew."""
 SHOWN_ABOVE = 0.5
-"""Existence from which an object is told of."""
+"""Existence from which an object is reported."""
 
 
 class StateMismatchError(LumpwatchError):
@@ -53,7 +53,7 @@ class Detector(Protocol):
         """All particle clouds after the last step, for overlays and plots."""
 
     def state(self) -> FilterState | None:
-        """What the next step depends on; None where this kind of detector cannot tell."""
+        """What the next step depends on; None where this kind of detector cannot export it."""
 
     def restore(self, state: FilterState) -> None:
         """Go on from a state of a detector with the same configuration and prior. Raises StateMismatchError."""

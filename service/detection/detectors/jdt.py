@@ -185,7 +185,7 @@ class JdtDetector:
         return replace(state, plain={**state.plain, "random": self._rng.bit_generator.state})
 
     def restore(self, state: FilterState) -> None:
-        """Go on from there, bit by bit as the filter that told it. Raises StateMismatchError."""
+        """Go on from there, bit by bit as the filter that exported it. Raises StateMismatchError."""
         self._engine.restore(state)
         jdt_state.set_random(self._rng, state.plain.get("random"))
 

@@ -54,15 +54,15 @@ def to_several(state: FilterState, particles: int) -> MultiBelief:
     try:
         tracks = tuple(
             Track(
-                int(told["id"]),
+                int(track["id"]),
                 _to_belief(arrays, f"track{k}"),
                 Estimate(
                     arrays[f"track{k}.mean"], arrays[f"track{k}.spread"], arrays[f"track{k}.model_shares"]
                 ),
                 arrays.get(f"track{k}.description"),
-                float(told["hidden_s"]),
+                float(track["hidden_s"]),
             )
-            for k, told in enumerate(state.plain["tracks"])
+            for k, track in enumerate(state.plain["tracks"])
         )
         return MultiBelief(tracks, _to_belief(arrays, "search", particles), int(state.plain["next_id"]))
     except (KeyError, TypeError, ValueError) as error:

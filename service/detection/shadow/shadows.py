@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 class ShadowObserver(Protocol):
-    """Is told what the shadows do; implemented by metrics."""
+    """Observes what the shadows do; implemented by metrics."""
 
     def shadow_counted(self, roi: str, before: Counts, after: Counts) -> None:
         """The counts of a ROI have changed."""
@@ -42,7 +42,7 @@ class ShadowObserver(Protocol):
 
 
 class UnobservedShadows:
-    """An observer that looks away."""
+    """An observer that ignores everything."""
 
     def shadow_counted(self, roi: str, before: Counts, after: Counts) -> None:
         """Nothing."""
@@ -76,7 +76,7 @@ class _Shadow:
 
     @property
     def last_s(self) -> float | None:
-        """When it looked last."""
+        """Time of its last step."""
         return self.channel.last_s
 
     @property
@@ -91,7 +91,7 @@ class _Shadow:
         self.channel.step(frame)
 
     def is_recent(self, time_s: float, blind_after_s: float) -> bool:
-        """Whether its last look is recent enough to compare."""
+        """Whether its last step is recent enough to compare."""
         return self.last_s is not None and time_s - self.last_s <= blind_after_s
 
 
@@ -106,7 +106,7 @@ class Shadows:
         observer: ShadowObserver | None = None,
         make: MakeDetector = make_detector,
     ) -> None:
-        """`clock` times the work, in seconds; None: a shadow looks at every frame, however long it takes."""
+        """`clock` times the work, in seconds; None: a shadow filters every frame, however long it takes."""
         self._config = config
         self._wall = wall
         self._clock = clock
@@ -135,7 +135,7 @@ class Shadows:
         self._shadows[roi_id] = self._make_shadow(self._config.roi(roi_id), prior, current, since, counts)
 
     def follow(self, results: tuple[RoiResult, ...], spent_s: float) -> None:
-        """Look at the frame of these results; the priors in use took `spent_s` for it."""
+        """Filter the frame of these results; the priors in use took `spent_s` for it."""
         decided = [
             result
             for result in results
@@ -151,7 +151,7 @@ class Shadows:
                 self._follow(shadow, result)
 
     def state(self, roi_id: str) -> ShadowState | None:
-        """What is to be told of the shadow of a ROI; None: there is none."""
+        """The state of the shadow of a ROI, to publish; None: there is none."""
         shadow = self._shadows.get(roi_id)
         if shadow is None:
             return None

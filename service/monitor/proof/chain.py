@@ -42,7 +42,7 @@ _TAKE_S = 0.25
 _DRAW_S = 10.0
 """For the camera's process to draw the lump before the first frame."""
 _STOP_S = 1.0
-"""When the daemon stops, all its processes are told; so much later the last of them knows."""
+"""When the daemon stops, all its processes are notified; so much later the last of them knows."""
 _BROKEN = (ProofReason.NO_CAMERA, ProofReason.NO_FRAMES, ProofReason.ERROR)
 """Failures that look the same where the other processes end because the daemon does."""
 
@@ -56,7 +56,7 @@ class Site:
     prior: Callable[[str], Prior | None]
     decision: Callable[[str], Decision]
     stopped: Callable[[float], bool]
-    """Whether the daemon is told to stop within so many seconds."""
+    """Whether the daemon asks to stop within so many seconds."""
 
 
 class Ended(Exception):  # noqa: N818 - an end is no error
@@ -207,7 +207,7 @@ class ProofTest:
 
 
 class Passage:
-    """What the test chain has said while the lump passed."""
+    """What the test chain has decided while the lump passed."""
 
     def __init__(self, roi: RoiConfig) -> None:
         self._least_s = roi.proof_test.least_warning_s

@@ -1,4 +1,4 @@
-"""Keeps the proof tests of one camera: starts them when due, remembers the results, says what they mean.
+"""Keeps the proof tests of one camera: starts them when due, remembers the results, derives the troubles.
 
 <store>/proof/<camera>/<roi>.json     the last result that could be judged
 """
@@ -64,7 +64,7 @@ class ProofKeeper:
         self._rois = {roi.id: self._read(roi.id) for roi in camera.rois}
 
     def troubles(self, roi: str) -> dict[Trouble, bool]:
-        """What the ROI's tests have to say to its system alarm."""
+        """The troubles that the ROI's tests report to its system alarm."""
         state, now = self._rois[roi], self._clocks().monotonic_s
         failed = state.judged is not None and state.judged.outcome is Outcome.FAILED
         since = self._began_s if state.judged_s is None else state.judged_s
@@ -72,7 +72,7 @@ class ProofKeeper:
         return {Trouble.PROOF_TEST: failed, Trouble.PROOF_OVERDUE: is_overdue(config, now - since)}
 
     def poll(self) -> None:
-        """Tell the ages, and start a test where one is due and none is running."""
+        """Publish the ages, and start a test where one is due and none is running."""
         clocks = self._clocks()
         due = []
         for roi in self._camera.rois:

@@ -4,7 +4,7 @@ archive    videos and their labels
 record     one configuration on one video: what the alarm judges and the estimates, frame by frame
 truth      the labelled lumps of a video, and when an estimate lies on them
 episodes   alarms at one threshold, and what they were worth
-intervals  how much a small count says
+intervals  how uncertain a small count is
 curve      all thresholds, and the one to recommend
 run        everything together
 report     the results as files

@@ -1,4 +1,4 @@
-"""How much a small count says: exact intervals.
+"""How uncertain a small count is: exact intervals.
 
 A number of events k in a time T, Poisson with rate lambda (Garwood 1936; chi2(p; d) is the quantile of
 the chi-squared distribution with d degrees of freedom, G(p; k) = chi2(p; 2 k) / 2 that of the gamma
@@ -19,7 +19,7 @@ from scipy.special import betaincinv, gammaincinv
 
 LEVEL = 0.95
 RULE_OF_THREE = -math.log(1 - LEVEL)
-"""A time T without any event shows, LEVEL sure, a rate below NONE_SHOWS / T (nearly 3 / T)."""
+"""A time T without any event shows, LEVEL sure, a rate below RULE_OF_THREE / T (nearly 3 / T)."""
 _TAIL = (1 - LEVEL) / 2
 
 

@@ -1,4 +1,4 @@
-"""One configuration on one video: what the filter says of each frame, before any threshold.
+"""One configuration on one video: what the filter finds in each frame, before any threshold.
 
 Tasks are independent of each other, and all that they need travels with them: any executor in the
 shape of `concurrent.futures` can do them, a pool on this machine or a cluster.
@@ -51,7 +51,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What a filter said of the n frames of a video that it judged."""
+    """What a filter found in the n frames of a video that it judged."""
 
     frames: Indices
     """Number of each frame (n,), from 1."""
@@ -99,7 +99,7 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
     """Run the pipeline over frames. Raises LumpwatchError where no frame could be judged."""
     pipeline = CameraPipeline(setup.camera, {setup.roi.id: setup.prior})
     start_s, size, length = 0.0, (0, 0), 0
-    said: list[tuple[int, float, float]] = []
+    decided: list[tuple[int, float, float]] = []
     owner: list[int] = []
     boxes: list[tuple[float, float, float, float]] = []
     prior = 0
@@ -116,12 +116,12 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
             found = [
                 (detected.x, detected.y, detected.w, detected.h) for detected in result.detection.objects
             ]
-            owner += [len(said)] * len(found)
+            owner += [len(decided)] * len(found)
             boxes += found
-            said.append((frame.seq + 1, frame.capture_s - start_s, result.detection.alarming))
-    if not said:
+            decided.append((frame.seq + 1, frame.capture_s - start_s, result.detection.alarming))
+    if not decided:
         raise LumpwatchError(f"{video}: the filter could not judge any frame")
-    numbers, times, alarming = zip(*said, strict=True)
+    numbers, times, alarming = zip(*decided, strict=True)
     return Recording(
         np.array(numbers, dtype=np.intp),
         np.array(times),
@@ -137,7 +137,7 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
 def record_all(
     tasks: Sequence[Task], executor: Executor, advance: Callable[[int], None] = lambda _: None
 ) -> list[Recording | Failure]:
-    """Do all tasks; results in their order. `advance` is told how many are done.
+    """Do all tasks; results in their order. `advance` is called with how many are done.
 
     Raises LumpwatchError where a worker is lost, for then nothing is known of its tasks.
     """

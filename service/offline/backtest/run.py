@@ -71,7 +71,7 @@ def run_backtest(
     executor: Executor,
     advance: Callable[[int], None] = lambda _: None,
 ) -> Backtest:
-    """Run all configurations on all videos; `advance` is told how many of these runs are done.
+    """Run all configurations on all videos; `advance` is called with how many of these runs are done.
 
     The result does not depend on the executor. A video that fails under one configuration is left out
     of all, so that they stay comparable. Raises LumpwatchError where no video is left.

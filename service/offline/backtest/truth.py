@@ -45,7 +45,7 @@ class Lump:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What the labels say of a recording."""
+    """What the labels state of a recording."""
 
     lumps: tuple[Lump, ...]
     outside: int

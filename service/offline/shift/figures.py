@@ -1,6 +1,6 @@
 """The figures of a shift, as plain data for JSON.
 
-Availability is the share of the shift in which a ROI could see. What nobody watched (the daemon was
+Availability is the share of the shift in which a ROI could see. Time outside all uptime spans (the daemon was
 down) is unknown, and counts as not seen. Precision is true / (true + false) over the judged alarms, with
 the exact interval of Clopper and Pearson. Rates are held against EEMUA 191: for one operator, in the
 steady state, at most one alarm in ten minutes is very likely acceptable, and more than ten in ten
@@ -35,7 +35,7 @@ _BANDS = (
 
 
 def shift_figures(site: str, window: Window, records: Sequence[RoiRecord], generated_s: float) -> Figures:
-    """Everything that the report says."""
+    """Everything that the report states."""
     alarms = sorted(
         (alarm for record in records for alarm in record.alarms), key=lambda alarm: alarm.raised.time_s
     )

@@ -125,7 +125,7 @@ def _stories(events: Iterable[Event]) -> list[AlarmStory]:
 
 
 def _between(first: Event, then: Event | None) -> float | None:
-    """By the monotonic clock where both were told by the same one: the wall clock may be stepped."""
+    """By the monotonic clock where both times are by the same one: the wall clock may be stepped."""
     if then is None:
         return None
     if first.clock == then.clock:
