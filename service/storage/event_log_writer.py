@@ -257,9 +257,8 @@ class EventWriter:
                 self._log.copy(self._latest.values())
         if batch.entries:
             self._log.append(batch.entries)
-            self._latest |= {
-                (entry.event.roi, entry.event.alarm_class): entry.event for entry in batch.entries
-            }
+            events = (entry.event for entry in batch.entries)
+            self._latest |= {(event.roi, event.alarm_class): event for event in events}
         if batch.notes:
             self._log.add(batch.notes)
         if batch.sent:
