@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lumpwatch.models.learning import LumpFit
 from lumpwatch.models.roi import make_roi
 from lumpwatch.models.state import States, X, blank
 from tests.reproduction.paper1 import footage, page
-from tests.reproduction.paper1.experiments import EXPERIMENTS, NOISY_SQUARE, SLIDE
+from tests.reproduction.paper1.experiments import EXPERIMENTS, LUMP, NOISY_SQUARE, SLIDE
 from tests.reproduction.paper1.footage import REAL_FPS, REAL_TRAINING, football, football_folder
 from tests.reproduction.paper1.measure import Measures, Run, after_switch, measure
 from tests.reproduction.paper1.methods import Motions, learn, learn_all_motions, make_filter
@@ -237,3 +238,10 @@ def test_cells_show_median_and_quartiles() -> None:
 
 def test_measures_have_a_column_each() -> None:
     assert len(page._COLUMNS) == len(Measures.__dataclass_fields__)
+
+
+@pytest.mark.slow
+def test_the_large_lump_is_learned_with_the_likelihood_of_the_service() -> None:
+    knowledge = learn(LUMP, [LUMP.for_training(seed) for seed in LUMP.training_seeds[:2]])
+    assert isinstance(knowledge.appearance, LumpFit)
+    assert np.isfinite(knowledge.appearance.offset)

@@ -18,7 +18,7 @@ def test_a_port_in_use_is_an_error_that_names_it() -> None:
     endpoint = free_endpoint()
     with open_hub(hub_config(endpoint)), pytest.raises(BusError) as caught:
         open_hub(BusConfig(listen=(free_endpoint(), endpoint)))
-    assert str(caught.value) == f"bus: cannot listen on {endpoint}: Address already in use"
+    assert str(caught.value).startswith(f"bus: cannot listen on {endpoint}: ")
 
 
 @pytest.mark.parametrize(

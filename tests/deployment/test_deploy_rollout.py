@@ -93,9 +93,9 @@ def test_another_image_or_configuration_replaces_and_keeps_the_one_before(
 @pytest.mark.parametrize(
     ("image", "told"),
     [
-        ("blind", "not ready within 10 s: cam/lip: has not decided yet"),
+        ("blind", "10 s: cam/lip: "),
         ("mute", "it does not answer"),
-        ("ends", "the daemon ended: bus.listen: cannot listen on tcp/127.0.0.1:7447"),
+        ("ends", "bus.listen: .*tcp/127.0.0.1:7447"),
     ],
 )
 def test_a_bad_one_goes_back_by_itself(

@@ -99,12 +99,12 @@ def network_of(path: Path) -> Any:
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (None, r"own\.onnx: cannot be read \(No such file"),
+        (None, r"own\.onnx: cannot be read"),
         (b"", "own.onnx: is not an ONNX network"),
         (b"not a network at all", "own.onnx: is not an ONNX network"),
         (brightness_net((96, 64))[:80], "own.onnx: is not an ONNX network"),
-        (classifier_net((96, 64)), r"own\.onnx: gives an output of shape \(1, 6144\) where a map"),
-        (brightness_net((96, 64), offset=float("nan")), "own.onnx: gives numbers that are no logits"),
+        (classifier_net((96, 64)), r"own\.onnx: .*\(1, 6144\)"),
+        (brightness_net((96, 64), offset=float("nan")), r"own\.onnx: .*no logits"),
     ],
     ids=["missing", "empty", "text", "truncated", "classifier", "not-finite"],
 )

@@ -342,7 +342,7 @@ def test_a_reference_for_another_region_is_refused_and_defaults_are_used(
     pipeline.process(one, 0.0)
     unused = pipeline.reference
     assert unused is None
-    assert "was learned for another roi apron; learn again" in caplog.text
+    assert "another roi apron" in caplog.text
     pipeline.use_reference(replace(REFERENCE, version=4))
     assert pipeline.reference is not None
     pipeline.use_reference(replace(REFERENCE, meta=meta))

@@ -168,13 +168,13 @@ def test_learned_sizes_decide_what_counts() -> None:
 @pytest.mark.parametrize(
     ("detector", "message"),
     [
-        ("{kind: jpda, model: bounce_x}", r"detector: model: a Kalman filter cannot move by bounce_x"),
+        ("{kind: jpda, model: bounce_x}", r"detector: model: .* bounce_x"),
         ("{kind: jpda, one_way: {direction: [0, 0]}}", r"one_way: direction must have a length"),
         ("{kind: jpda, entries: [[[0, 0], [1, 1]]]}", r"detector.entries\[0\]"),
         ("{kind: imm_pf, models: [constant_velocity, constant_velocity]}", "given more than once"),
         ("{kind: imm_pf, least_model_share: 0.5}", "too large for 3 models"),
-        ("{kind: imm_pf, particles: 5}", "detector.particles: input should be greater than or equal to 20"),
-        ("{kind: kalman}", "expected a mapping with kind jdt, imm_pf or jpda"),
+        ("{kind: imm_pf, particles: 5}", "detector.particles: .*20"),
+        ("{kind: kalman}", "jdt, imm_pf or jpda"),
         ("{kind: jpda, foreground: {kind: median}}", "detector.foreground"),
     ],
 )

@@ -16,7 +16,7 @@ from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalB
         (np.zeros((10, 10, 4), np.uint8), "not \\(10, 10, 4\\)"),
         (np.zeros(10, np.uint8), "not \\(10,\\)"),
         (np.zeros((1, 10, 3), np.uint8), "too small"),
-        (np.zeros((12, 10, 3), np.uint8), "the model was started with \\(10, 10\\)"),
+        (np.zeros((12, 10, 3), np.uint8), "with \\(10, 10\\)"),
     ],
 )
 def test_unfit_pictures_are_refused(picture: NDArray[np.uint8], words: str) -> None:

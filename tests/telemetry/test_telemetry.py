@@ -384,9 +384,8 @@ def test_a_port_in_use_is_named_in_one_line() -> None:
         port = taken.getsockname()[1]
         with pytest.raises(TelemetryError) as caught:
             TelemetryServer(("127.0.0.1", port), CollectorRegistry(), Health())
-    assert str(caught.value) == (
-        f"telemetry.listen 127.0.0.1:{port}: cannot be served (Address already in use)"
-    )
+    assert str(caught.value).startswith(f"telemetry.listen 127.0.0.1:{port}: ")
+    assert "\n" not in str(caught.value)
 
 
 def test_an_address_of_another_machine_is_named_in_one_line() -> None:

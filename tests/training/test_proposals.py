@@ -64,10 +64,8 @@ def test_what_a_proposal_is(line: str, *, is_one: bool) -> None:
 def test_a_proposal_is_no_label(file: Path) -> None:
     with pytest.raises(LabelError) as caught:
         read_labels(file)
-    assert str(caught.value) == (
-        f"{file}, line 3: lump 1 is a proposal that nobody has accepted: look at it, then train with --accept 1 "
-        "(or --accept all), or put # before its lines"
-    )
+    assert str(caught.value).startswith(f"{file}, line 3: lump 1 ")
+    assert "--accept 1 " in str(caught.value)
 
 
 def test_accepted_ones_are_labels_and_the_rest_is_background(file: Path) -> None:

@@ -67,11 +67,11 @@ def test_clips_are_joined_into_one_recording() -> None:
 @pytest.mark.parametrize(
     ("other", "told"),
     [
-        (clip("b", 5, size=(48, 32)), "b: has pictures of 48x32, a of 96x64"),
-        (clip("b", 5, interval_s=0.2), r"b: has 5\.0 frames a second, a 10\.0"),
+        (clip("b", 5, size=(48, 32)), "b: .*48x32, a .*96x64"),
+        (clip("b", 5, interval_s=0.2), r"b: .*5\.0 .*a 10\.0"),
         (clip("b", 1), "b: has fewer than two frames"),
-        (clip("b", 5, interval_s=0.0), "b: its frames carry no advancing time stamps"),
-        (clip("b", 5, box(6, 1)), "b: labels frame 6, but the clip has 5 frames"),
+        (clip("b", 5, interval_s=0.0), "b: .*time stamps"),
+        (clip("b", 5, box(6, 1)), r"b: .*frame 6\b.*5"),
     ],
 )
 def test_clips_that_do_not_go_together(other: ConfirmedClip, told: str) -> None:
