@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lumpwatch.models.roi import Image
+from lumpwatch.models.learning.learned import Learned
+from lumpwatch.models.roi import Image, Roi
+from lumpwatch.service.config import DetectorConfig, JdtConfig
 from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult
 from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
@@ -63,18 +66,18 @@ def test_clear_needs_a_picture_that_is_young_enough(events: list[tuple[float, st
             assert (result.decision is not Decision.BLIND) == young
 
 
-class Starving(JdtDetector):
-    """A detector that is left with one particle."""
+class Ailing(JdtDetector):
+    """A detector that is left with one particle while it is "starved", and whose step raises while "failing"."""
+
+    def __init__(self, config: JdtConfig, roi: Roi, learned: Learned | None, ails: Callable[[], str]) -> None:
+        super().__init__(config, roi, learned)
+        self.ails = ails
 
     def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
-        return replace(super().step(gray, colour, dt), effective_particles=1.0)
-
-
-class Failing(JdtDetector):
-    """A detector whose step raises."""
-
-    def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
-        raise FloatingPointError("weights")
+        if self.ails() == "failing":
+            raise FloatingPointError("weights")
+        found = super().step(gray, colour, dt)
+        return replace(found, effective_particles=1.0) if self.ails() == "starved" else found
 
 
 FAULTS: dict[str, Fault] = {
@@ -109,8 +112,13 @@ class Feed:
     """The belt's camera and its pipeline on one clock, through whatever happens."""
 
     def __init__(self) -> None:
-        self.pipeline = CameraPipeline(BUSY, {"apron": prior()}, reference=REFERENCE)
+        self.pipeline = CameraPipeline(BUSY, {"apron": prior()}, reference=REFERENCE, make=self._detector)
         self.now, self.seq, self.k = 100.0, 0, 0
+        self.kind = "fit"
+
+    def _detector(self, config: DetectorConfig, roi: Roi, learned: Learned | None) -> Ailing:
+        assert isinstance(config, JdtConfig)
+        return Ailing(config, roi, learned, lambda: self.kind)
 
     def second(self, kind: str) -> list[RoiResult]:
         """What is said in a second of this."""
@@ -122,10 +130,7 @@ class Feed:
         self.seq += 10 if kind == "skipping" else 1
         if kind == "silent":
             return self.pipeline.poll(self.now)
-        detector = self.pipeline.detector("apron")
-        if detector is not None:
-            wanted = {"starved": Starving, "failing": Failing}.get(kind, JdtDetector)
-            detector.__class__ = wanted
+        self.kind = kind
         shown = belt(200 + self.k % 600)
         if kind in FAULTS:
             shown = FAULTS[kind](shown, self.k)
