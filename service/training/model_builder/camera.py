@@ -190,7 +190,7 @@ def _weather(picture: Plane, rng: np.random.Generator) -> Plane:
         picture = picture + flakes * (235.0 - picture)
     if rng.random() < 0.05:  # drops on the lens
         blurred = cv2.GaussianBlur(picture, (0, 0), 7.0)
-        wet = np.zeros((h, w), np.float32)
+        wet: Plane = np.zeros((h, w), np.float32)
         for _ in range(int(rng.integers(1, 6))):
             cv2.circle(
                 wet, (int(rng.uniform(0, w)), int(rng.uniform(0, h))), int(rng.integers(10, 55)), 1.0, -1
