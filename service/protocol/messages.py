@@ -145,6 +145,9 @@ class StateMessage(StateLine):
     """None where no frame has come yet."""
     prior: int = 0
     """Version of the prior in use; 0: the stated defaults."""
+    trained: bool = False
+    """Whether the region knows its site: false where it runs on the stated defaults and the net that ships alone, which
+    finds fewer lumps and raises more false alarms."""
 
 
 class Level(Record):

@@ -139,6 +139,7 @@ def state_message(
         reason=result.reason,
         timing=timing_of(result, clocks),
         prior=result.prior,
+        trained=result.prior != 0,
     )
 
 

@@ -79,7 +79,9 @@ def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
                     f"camera {camera.id}, roi {roi.id}: {what} needs a prior; "
                     f"run lumpwatch train CONFIG VIDEO LABELS --camera {camera.id} --roi {roi.id}"
                 )
-            note = f"version {found.prior.version}" if found.prior else "none: stated defaults"
+            note = (
+                f"version {found.prior.version}" if found.prior else "none: untrained, on the stated defaults"
+            )
             if found.problems:
                 note += f" (refused: {'; '.join(found.problems)})"
             notes[camera.id, roi.id] = note
