@@ -28,7 +28,7 @@ from lumpwatch.service.training.fitting import fit_likelihood
 from lumpwatch.service.training.footage import Footage, TrainingError
 from lumpwatch.service.training.watching import watch
 
-GRID = (5.0, 7.5, DEFAULT_LOOKS_PER_S, 18.0, 25.0)
+GRID = (8.0, DEFAULT_LOOKS_PER_S, 18.0, 25.0)
 """Looks a second that are tried, ascending; the search begins with the most."""
 MOST_WITH_LIMIT = 18.0
 """Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
@@ -36,7 +36,7 @@ Without a limit it is the default."""
 QUIET_S = 300.0
 """With so much footage without lumps all are tried: a minute full of lumps shows what too little evidence costs, and
 hardly what too much does."""
-MARGINS = (0.75, 1.5, DEFAULT_MARGIN, 3.0)
+MARGINS = (1.0, 1.5, DEFAULT_MARGIN)
 """Margins that are tried, ascending; the search begins with the largest."""
 TRIALS = len(MARGINS) + len(GRID)
 """Candidates that are judged, at most."""
