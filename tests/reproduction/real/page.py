@@ -74,8 +74,17 @@ def _summary(outcomes: Sequence[Outcome]) -> str:
     found.append(
         "| false alarms, minutes without | " + " | ".join(_false(part, "quiet") for part in parts) + " |"
     )
+    found.append(
+        "| share of those minutes in alarm | " + " | ".join(_standing(part) for part in parts) + " |"
+    )
     kinds_told = "\n".join(f"- `{kind}`: {KINDS[kind]};" for kind in kinds)
     return "## Announced in time\n\n" + "\n".join(found) + "\n\n" + kinds_told.rstrip(";") + ".\n"
+
+
+def _standing(outcomes: Sequence[Outcome]) -> str:
+    """What one false alarm that never ends hides."""
+    judged = [one.quiet.standing for one in outcomes if one.quiet is not None]
+    return f"{np.mean(judged):.0%}" if judged else "-"
 
 
 def _lumps(outcomes: Sequence[Outcome]) -> tuple[int, int]:
