@@ -29,6 +29,7 @@ CAMERA = """\
       - id: apron
         polygon: [[0.1, 0.05], [0.9, 0.05], [0.9, 0.98], [0.1, 0.98]]
         detector: {working_size_px: 160}
+        alarm: {re_alarm_s: 5}
 """
 BUS = (
     'listen: ["tls/127.0.0.1:{port}"], access: {operators: [anna]}, '

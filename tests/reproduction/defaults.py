@@ -6,6 +6,7 @@ It is bound to the net that ships (`make model`), so it is made anew after it.
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 import lumpwatch.service
 from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
-from lumpwatch.models.learning import LabelledView
+from lumpwatch.models.learning import LabelledView, LumpFit
 from lumpwatch.models.roi import Image, Roi, make_roi
 from lumpwatch.models.state import H, W, X, Y, blank
 from lumpwatch.service.capture.recordings import read_frames
@@ -80,6 +81,10 @@ def default_births(roi: Roi) -> PolygonBirths:
     return polygon_births(roi.mask, make_profile(JdtConfig().size_h, None, roi), np.ones(1))
 
 
+DEMO_MARGIN = 4.0
+"""Above what its 90 s teach: they are full of lumps, and show hardly what a low margin costs while none comes."""
+
+
 def demo_prior() -> Prior:
     """Train the demo's ROI on a feed of another seed."""
     config = parse_config(demo_config(Path("var"), 0)).camera(CAMERA)
@@ -88,7 +93,15 @@ def demo_prior() -> Prior:
         files = write_video(FeedSpec(seed=9100), 90.0, Path(folder))
         frames, _ = read_frames(config, files.video)
         trained = train(roi, frames, read_labels(files.labels), files.labels, "simulated feed, seed 9100")
-    return trained.as_prior(CAMERA, roi, "simulated feed, seed 9100", datetime(2026, 1, 1, tzinfo=UTC))
+    prior = trained.as_prior(CAMERA, roi, "simulated feed, seed 9100", datetime(2026, 1, 1, tzinfo=UTC))
+    return with_margin(prior, DEMO_MARGIN)
+
+
+def with_margin(prior: Prior, margin: float) -> Prior:
+    """The prior with another margin."""
+    fit = prior.learned.likelihood
+    assert isinstance(fit, LumpFit)
+    return replace(prior, learned=replace(prior.learned, likelihood=replace(fit, margin=margin)))
 
 
 if __name__ == "__main__":
