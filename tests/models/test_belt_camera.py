@@ -46,7 +46,7 @@ def test_an_exact_calibration_gives_its_camera(tilt: float, view: float) -> None
             assert view_deg(found.focal, SIZE[0]) == pytest.approx(view, abs=1.5)
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, derandomize=True)
 @given(st.integers(0, 10_000), st.sampled_from([40.0, 60.0, 88.0]), st.sampled_from([45.0, 60.0, 80.0]))
 def test_a_tape_that_is_off_by_some_per_cent_is_taken_and_sizes_hold(
     seed: int, tilt: float, view: float
