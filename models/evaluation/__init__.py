@@ -6,6 +6,7 @@ take what `pair` makes of result and truth.
 
 from lumpwatch.models.evaluation.clear import ClearMot, clear_mot
 from lumpwatch.models.evaluation.identity import idf1
+from lumpwatch.models.evaluation.ignoring import without_ignored
 from lumpwatch.models.evaluation.pairing import FramePair, Pairing, overlaps, pair
 from lumpwatch.models.evaluation.scores import METRICS, Metric, Scores, evaluate
 from lumpwatch.models.evaluation.tracks import Tracks, tracks_of
@@ -29,4 +30,5 @@ __all__ = [
     "pair",
     "sfda",
     "tracks_of",
+    "without_ignored",
 ]

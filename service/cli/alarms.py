@@ -101,8 +101,7 @@ def describe_alarm(payload: bytes) -> str:
         return f"a malformed alarm record of {len(payload)} bytes"
     data = event.data
     where = ""
-    if data.objects:
-        box = data.objects[0]
+    if box := next((found for found in data.objects if found.counts), None):
         where = f", box {box.w:.0f} x {box.h:.0f} px at ({box.x:.0f}, {box.y:.0f}), {box.model}"
     actor = f" by {data.actor}" if data.actor else ""
     of = "" if data.alarm_class is AlarmClass.LUMP else f"{data.alarm_class.value} "

@@ -171,8 +171,7 @@ class _Follower:
 def _line(state: StateMessage, rate: float) -> str:
     bar = "#" * round(20 * state.existence)
     where = ""
-    if state.objects:
-        box = state.objects[0]
+    if box := next((found for found in state.objects if found.counts), None):
         where = f"  {box.w:.0f} x {box.h:.0f} px at row {box.y + box.h / 2:.0f}, {box.model}"
     reason = f" ({state.reason.value})" if state.reason else ""
     return (

@@ -14,12 +14,12 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.models.evaluation import METRICS, Scores, Tracks, tracks_of
+from lumpwatch.models.evaluation import METRICS, Scores, Tracks, tracks_of, without_ignored
 from lumpwatch.models.evaluation import evaluate as run_evaluation
 from lumpwatch.service.cli.common import Commands, add_command
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import StateLine
-from lumpwatch.service.storage import read_labels
+from lumpwatch.service.storage import ignored_boxes, read_labels
 
 Row = tuple[int, int, tuple[float, float, float, float]]
 """Frame, track and box."""
@@ -50,6 +50,9 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--camera", metavar="ID", help="camera, where a states.jsonl holds several")
     parser.add_argument("--roi", metavar="ID", help="ROI, where a states.jsonl holds several")
+    parser.add_argument(
+        "--counted", action="store_true", help="only objects that count for the alarm, of a states.jsonl"
+    )
     parser.add_argument("--json", action="store_true", help="print all scores and counts as JSON")
 
 
@@ -58,7 +61,8 @@ def evaluate(arguments: argparse.Namespace) -> int:
     if not 0.0 <= arguments.threshold <= 1.0:
         raise ConfigError(f"--threshold {arguments.threshold:g}: must be within 0 and 1")
     truth = _labels(arguments.truth)
-    result = _result(arguments.result, arguments.camera, arguments.roi)
+    result = _result(arguments.result, arguments.camera, arguments.roi, counted=arguments.counted)
+    result = without_ignored(result, truth, _ignored(arguments.truth), arguments.threshold)
     scores = run_evaluation(result, truth, arguments.threshold)
     if arguments.json:
         content = {key: None if math.isnan(value) else value for key, value in asdict(scores).items()}
@@ -68,7 +72,7 @@ def evaluate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _result(path: Path, camera: str | None, roi: str | None) -> Tracks:
+def _result(path: Path, camera: str | None, roi: str | None, *, counted: bool) -> Tracks:
     """A result in either format; an empty file is a result without boxes. Raises LumpwatchError."""
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -77,7 +81,7 @@ def _result(path: Path, camera: str | None, roi: str | None) -> Tracks:
     except UnicodeDecodeError as error:
         raise LumpwatchError(f"{path}: is not text") from error
     if text.lstrip().startswith("{"):
-        return _tracks(_states(path, text, camera, roi), path)
+        return _tracks(_states(path, text, camera, roi, counted=counted), path)
     for option, value in (("--camera", camera), ("--roi", roi)):
         if value is not None:
             raise ConfigError(f"{option} {value}: {path} is not a states.jsonl, its boxes have no such thing")
@@ -89,7 +93,15 @@ def _labels(path: Path) -> Tracks:
     return _tracks(((box.frame, box.track, (box.x, box.y, box.w, box.h)) for box in boxes), path)
 
 
-def _states(path: Path, text: str, camera: str | None, roi: str | None) -> list[Row]:
+def _ignored(path: Path) -> Tracks:
+    boxes = ignored_boxes(path)
+    # Their ids say nothing, and need not be unique in a frame.
+    return _tracks(
+        ((box.frame, number, (box.x, box.y, box.w, box.h)) for number, box in enumerate(boxes)), path
+    )
+
+
+def _states(path: Path, text: str, camera: str | None, roi: str | None, *, counted: bool) -> list[Row]:
     """The boxes of the one ROI that is meant."""
     rows: list[Row] = []
     present: set[tuple[str, str]] = set()
@@ -104,7 +116,11 @@ def _states(path: Path, text: str, camera: str | None, roi: str | None) -> list[
         present.add((state.camera, state.roi))
         if camera in (None, state.camera) and roi in (None, state.roi):
             chosen.add((state.camera, state.roi))
-            rows += [(state.frame, found.id, (found.x, found.y, found.w, found.h)) for found in state.objects]
+            rows += [
+                (state.frame, found.id, (found.x, found.y, found.w, found.h))
+                for found in state.objects
+                if found.counts or not counted
+            ]
     if len(chosen) != 1:
         known = ", ".join("/".join(place) for place in sorted(present))
         asked = " ".join(f"{name} {value}" for name, value in (("--camera", camera), ("--roi", roi)) if value)

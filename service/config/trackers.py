@@ -1,7 +1,7 @@
 """The trackers of many objects: the IMM particle filter (paper 2) and JPDA (paper 3).
 
 Both look at what moves before a still camera. Their tracks count for the alarm when they are
-confirmed and as large as `size_h`, or as the objects that training saw.
+confirmed and as large as `size_h`, or as the objects that training saw; the others are listed as well.
 """
 
 from __future__ import annotations
@@ -48,6 +48,9 @@ ForegroundConfig = Annotated[MixtureConfig | StatisticalConfig, Field(discrimina
 class TrackerBase(DetectorBase):
     """What both trackers have."""
 
+    size_h: tuple[Positive, Positive] = (0.02, 1.5)
+    """Smallest and largest object that counts for the alarm, in ROI heights, where no size has been learned; the
+    default takes in nearly everything."""
     foreground: ForegroundConfig = StatisticalConfig()
     """How moving things are separated from the background."""
     least_area_share: Annotated[float, Field(gt=0.0, le=0.5)] = 0.001

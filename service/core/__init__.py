@@ -25,7 +25,7 @@ from lumpwatch.service.core.alarm import (
     unshelve,
     unsuppress,
 )
-from lumpwatch.service.core.annotation import COLOURS, label_of
+from lumpwatch.service.core.annotation import COLOURS, NOT_COUNTED, label_of
 from lumpwatch.service.core.clock import Clocks, utc
 from lumpwatch.service.core.crop import (
     luma_of,
@@ -46,7 +46,7 @@ from lumpwatch.service.core.decision import (
     RoiResult,
     Trouble,
 )
-from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize
+from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize, NotCounted, Unlocated
 from lumpwatch.service.core.duration import seconds_of
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_to_stderr
@@ -56,6 +56,7 @@ from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
 __all__ = [
     "COLOURS",
     "LEVEL",
+    "NOT_COUNTED",
     "Alarm",
     "AlarmAction",
     "AlarmChange",
@@ -76,6 +77,7 @@ __all__ = [
     "LipReason",
     "LumpSize",
     "MediaClock",
+    "NotCounted",
     "PictureQuality",
     "Priority",
     "ReasonDebouncer",
@@ -84,6 +86,7 @@ __all__ = [
     "StreamClock",
     "Transition",
     "Trouble",
+    "Unlocated",
     "VideoWriter",
     "acknowledge",
     "all_of",

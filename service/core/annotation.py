@@ -11,6 +11,8 @@ COLOURS = {
     Decision.BLIND: (0, 190, 240),
 }
 """Of a decision, blue, green and red."""
+NOT_COUNTED = (150, 150, 150)
+"""Of an object that does not count for the alarm."""
 
 
 def label_of(found: DetectedObject) -> str:
@@ -22,4 +24,6 @@ def label_of(found: DetectedObject) -> str:
         words.append(f"{found.size.lip_s:.1f} s")
     if found.wrong_way:
         words.append("WRONG WAY")
+    if found.not_counted is not None:
+        words.append(found.not_counted.replace("_", " "))
     return " ".join(words)

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from lumpwatch.models.picture.region import Measure
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, Priority, Transition
-from lumpwatch.service.core.detection import Detection
+from lumpwatch.service.core.detection import Detection, Unlocated
 from lumpwatch.service.core.frame import Frame
 
 
@@ -105,6 +105,9 @@ class AlarmChange:
     priority: Priority
 
 
+_LIKELY = 0.5
+
+
 @dataclass(frozen=True, slots=True)
 class RoiResult:
     """The decision of one ROI."""
@@ -141,6 +144,14 @@ class RoiResult:
     def fit(self) -> bool:
         """Whether it comes from a new frame of a picture that is fit: only such teach anything."""
         return self.decided and self.reason is None
+
+    @property
+    def unlocated(self) -> Unlocated | None:
+        """Why the state is LUMP without an object that counts; None in any other case."""
+        found = self.detection
+        if self.decision is not Decision.LUMP or (found is not None and found.counted):
+            return None
+        return Unlocated.SPREAD if found is not None and found.alarming > _LIKELY else Unlocated.HELD
 
     @property
     def transition(self) -> Transition | None:

@@ -3,6 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
+
+
+class NotCounted(StrEnum):
+    """Why an object that is followed does not count for the alarm."""
+
+    TOO_SMALL = "too_small"
+    """Smaller than what is to be found at its row: by `size_h`, the labels, or the limit."""
+    TOO_LARGE = "too_large"
+    """Larger than that."""
+
+
+class Unlocated(StrEnum):
+    """Why a region is in state LUMP though no object that counts is listed."""
+
+    HELD = "held"
+    """The lump was there a moment ago; its off-delay, or a picture that is not fit, holds the alarm."""
+    SPREAD = "spread"
+    """A lump is likely there, but at no single place more likely than not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +77,13 @@ class DetectedObject:
     """Standard deviation of the velocity along each axis, px/s."""
     size: LumpSize | None = None
     """On a calibrated belt only."""
+    not_counted: NotCounted | None = None
+    """Why it does not count for the alarm; None where it does."""
+
+    @property
+    def counts(self) -> bool:
+        """Whether it counts for the alarm."""
+        return self.not_counted is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +93,7 @@ class Detection:
     existence: float
     """Probability that an object is there."""
     objects: tuple[DetectedObject, ...]
+    """Those that count for the alarm, and what else a tracker follows."""
     effective_particles: float = 0.0
     """0 for a detector without particles."""
     fell_back_share: float = 0.0
@@ -80,6 +107,21 @@ class Detection:
             return self
         objects = tuple(replace(found, x=found.x + x, y=found.y + y) for found in self.objects)
         return replace(self, objects=objects)
+
+    def within(self, left: float, top: float, right: float, bottom: float) -> Detection:
+        """The same with its boxes cut to a rectangle, full-frame pixels; each keeps a pixel at least."""
+
+        def cut(found: DetectedObject) -> DetectedObject:
+            x, y = min(max(found.x, left), right - 1.0), min(max(found.y, top), bottom - 1.0)
+            w, h = min(found.x + found.w, right) - x, min(found.y + found.h, bottom) - y
+            return replace(found, x=x, y=y, w=max(w, 1.0), h=max(h, 1.0))
+
+        return replace(self, objects=tuple(map(cut, self.objects)))
+
+    @property
+    def counted(self) -> tuple[DetectedObject, ...]:
+        """The objects that count for the alarm."""
+        return tuple(found for found in self.objects if found.counts)
 
     @property
     def alarming(self) -> float:

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.roi import Image, Roi
-from lumpwatch.service.config import DetectorConfig, RoiConfig
+from lumpwatch.service.config import DetectorConfig, JdtConfig, RoiConfig
 from lumpwatch.service.core import (
     Alarm,
     AlarmClass,
@@ -256,6 +256,10 @@ class RegionChannel:
         found = detector.step(gray, colour, dt)
         if self._sizer is not None:
             found = self._sizer.measure(found, time_s)
+        if not isinstance(self.config.detector, JdtConfig):
+            # A tracker remembers how large an object is that enters or leaves; shown is what can be seen of it.
+            place = detector.roi
+            found = found.within(place.x, place.y, place.x + place.width, place.y + place.height)
         _check(found)
         self.detection = found.moved(*offset_px)
         self._listener.stage("quality", name, observed - began)

@@ -161,6 +161,8 @@ def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: fl
     """P(an object is there that counts as too large). What has no size yet, or no place, does."""
     none_exists, none_over = 1.0, 1.0
     for detected in objects:
+        if not detected.counts:
+            continue
         none_exists *= 1.0 - detected.existence
         if detected.size is None or detected.size.over_limit >= certain:
             none_over *= 1.0 - detected.existence

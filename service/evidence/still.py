@@ -7,7 +7,7 @@ import numpy as np
 
 from lumpwatch.models.roi import Image
 from lumpwatch.service.config import RoiConfig
-from lumpwatch.service.core import COLOURS, label_of, to_bgr
+from lumpwatch.service.core import COLOURS, NOT_COUNTED, label_of, to_bgr
 from lumpwatch.service.evidence.recorder import Moment, Trigger
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -33,9 +33,11 @@ def still(kept: Moment, roi: RoiConfig, trigger: Trigger) -> bytes:
     cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
     for found in result.detection.objects if result.detection else ():
         low = at(found.x, found.y)
-        cv2.rectangle(canvas, low, at(found.x + found.w, found.y + found.h), colour, 2, cv2.LINE_AA)
+        ink = colour if found.counts else NOT_COUNTED
+        high = at(found.x + found.w, found.y + found.h)
+        cv2.rectangle(canvas, low, high, ink, 2 if found.counts else 1, cv2.LINE_AA)
         words = f"{label_of(found)} P {found.existence:.2f}"
-        cv2.putText(canvas, words, (low[0], max(low[1] - 7, 12)), _FONT, 0.45, colour, 1, cv2.LINE_AA)
+        cv2.putText(canvas, words, (low[0], max(low[1] - 7, 12)), _FONT, 0.45, ink, 1, cv2.LINE_AA)
     text = f"{trigger.alarm_class.value} {trigger.sequence}  {result.decision.value} {result.existence:.3f}"
     strip = canvas[-22:]
     strip[:] = strip // 4

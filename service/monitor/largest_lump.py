@@ -19,7 +19,7 @@ class LargestLump:
             self._sizes.clear()
         self._active = active
         if result.detection is not None and active:
-            known = (found for found in result.detection.objects if found.size is not None)
+            known = (found for found in result.detection.counted if found.size is not None)
             self._sizes |= {
                 found.id: found.size for found in known if found.size and found.size.longest_mm is not None
             }

@@ -14,7 +14,7 @@ import numpy as np
 from lumpwatch.models.roi import Image
 from lumpwatch.models.state import Belief, H, W, X, Y
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import COLOURS, Frame, RoiResult, VideoWriter, label_of, whole_bgr
+from lumpwatch.service.core import COLOURS, NOT_COUNTED, Frame, RoiResult, VideoWriter, label_of, whole_bgr
 from lumpwatch.service.detection import CameraPipeline, Detector
 from lumpwatch.service.errors import LumpwatchError
 
@@ -90,9 +90,10 @@ def draw(
         for found in result.detection.objects if result.detection else ():
             low = (round(found.x), round(found.y))
             high = (round(found.x + found.w), round(found.y + found.h))
-            cv2.rectangle(canvas, low, high, colour, 2, cv2.LINE_AA)
+            ink = colour if found.counts else NOT_COUNTED
+            cv2.rectangle(canvas, low, high, ink, 2 if found.counts else 1, cv2.LINE_AA)
             label = label_of(found)
-            cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, colour, 1, cv2.LINE_AA)
+            cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, ink, 1, cv2.LINE_AA)
             if len(found.model_shares) > 1:
                 _draw_shares(
                     canvas, low, high[0] - low[0], [share for _, share in found.model_shares], palette

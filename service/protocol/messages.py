@@ -7,7 +7,17 @@ from typing import Literal
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
-from lumpwatch.service.core import AlarmClass, AlarmState, BlindReason, Change, Decision, LipReason, Priority
+from lumpwatch.service.core import (
+    AlarmClass,
+    AlarmState,
+    BlindReason,
+    Change,
+    Decision,
+    LipReason,
+    NotCounted,
+    Priority,
+    Unlocated,
+)
 
 
 class Record(BaseModel):
@@ -73,6 +83,10 @@ class ObjectRecord(Record):
     """Whether it moves against the configured direction."""
     size: SizeRecord | None = None
     """Size, speed and time to the lip; null without a calibration."""
+    counts: bool = True
+    """Whether it counts for the alarm."""
+    not_counted: NotCounted | None = None
+    """Why it does not: smaller or larger than what is to be found; null where it does."""
 
 
 class StateLine(Record):
@@ -91,10 +105,13 @@ class StateLine(Record):
     existence: float
     """Probability that a lump is there."""
     objects: tuple[ObjectRecord, ...] = ()
-    """The objects that are more likely there than not."""
+    """A lump filter's objects that are more likely there than not; all objects that a tracker stands by, of which those
+    with `counts` make up the alarm."""
     oversize: float | None = None
     """Probability that a lump is there that counts as above the limit (`alarm.oversize_above`), which the alarm
     judges; null without a calibration."""
+    unlocated: Unlocated | None = None
+    """Why the state is LUMP though no object that counts is listed; null in any other case."""
 
 
 class Timing(Record):

@@ -54,6 +54,8 @@ def objects_of(result: RoiResult) -> tuple[ObjectRecord, ...]:
             model_shares={name: round(share, 4) for name, share in found.model_shares},
             wrong_way=found.wrong_way,
             size=None if found.size is None else _size(found.size),
+            counts=found.counts,
+            not_counted=found.not_counted,
         )
         for found in result.detection.objects
     )
@@ -85,7 +87,7 @@ def oversize(result: RoiResult) -> float | None:
 
 def soonest(result: RoiResult) -> float | None:
     """Seconds until the first lump reaches the lip."""
-    found = result.detection.objects if result.detection is not None else ()
+    found = result.detection.counted if result.detection is not None else ()
     times = [
         detected.size.lip_s
         for detected in found
@@ -99,7 +101,7 @@ def lip_reason(result: RoiResult) -> LipReason | None:
     if soonest(result) is not None:
         return None
     detection = result.detection
-    if detection is None or (not detection.objects and detection.oversize is not None):
+    if detection is None or (not detection.counted and detection.oversize is not None):
         return LipReason.NO_OBJECT
     return LipReason.UNCALIBRATED if detection.oversize is None else LipReason.NOT_MOVING
 
@@ -115,6 +117,7 @@ def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
         existence=round(result.existence, 6),
         oversize=oversize(result),
         objects=objects_of(result),
+        unlocated=result.unlocated,
     )
 
 
@@ -131,6 +134,7 @@ def state_message(
         existence=round(result.existence, 6),
         oversize=oversize(result),
         objects=objects_of(result),
+        unlocated=result.unlocated,
         site=site,
         alarm=result.alarm.state.value,
         blind_alarm=result.blind_alarm.state.value,

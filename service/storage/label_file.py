@@ -67,6 +67,18 @@ def ignored_frames(path: Path) -> frozenset[int]:
     return frozenset(frames)
 
 
+def ignored_boxes(path: Path) -> tuple[Box, ...]:
+    """The boxes to be ignored (conf 0), with or without an id of their own. Raises LabelError."""
+    found = []
+    for number, line in enumerate(_text(path).splitlines(), start=1):
+        fields = line.split(",")
+        if len(fields) > 6 and not line.lstrip().startswith("#") and _number(fields[6]) == 0:
+            box = _parse(",".join([*fields[:6], "1"]), f"{path}, line {number}")
+            if box is not None:
+                found.append(box)
+    return tuple(found)
+
+
 def is_proposal(line: str) -> bool:
     """Whether a line of a label file holds a box that awaits a person's word."""
     fields = [field.strip() for field in line.split(",")]

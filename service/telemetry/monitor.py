@@ -137,7 +137,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
         self.stage("announce", roi, latency.publish_s)
 
     def _tell_objects(self, roi: str, detection: Detection) -> None:
-        objects = detection.objects
+        objects = detection.counted
         self._objects.labels(self._camera, roi).set(len(objects))
         if detection.oversize is not None:
             sizes = [item.size for item in objects if item.size is not None]

@@ -73,13 +73,16 @@ def track_labels(states: bytes, camera: CameraConfig) -> str:
     best: dict[int, float] = {}
     for line in lines:
         for found in line["objects"]:
+            # Written before there was `counts`: all of them did.
+            if not found.get("counts", True):
+                continue
             best[found["id"]] = max(best.get(found["id"], 0.0), found["existence"])
     above = camera.rois[0].alarm.raise_above
     rows = [
         f"{frame},{found['id']},{found['x']:g},{found['y']:g},{found['w']:g},{found['h']:g},1,1,1\n"
         for frame, line in enumerate(lines, start=1)
         for found in line["objects"]
-        if best[found["id"]] > above
+        if best.get(found["id"], 0.0) > above
     ]
     return "".join(rows)
 

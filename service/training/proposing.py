@@ -83,7 +83,7 @@ def suggest(
         results = pipeline.process(frame, frame.received_s)
         pipeline.check_fit()
         for result in results:
-            for found in result.detection.objects if result.detection else ():
+            for found in result.detection.counted if result.detection else ():
                 _add(pieces, found, frame)
         advance(len(times))
     if len(times) < 2:

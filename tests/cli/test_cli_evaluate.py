@@ -228,3 +228,19 @@ def test_a_result_that_is_not_text(capsys: Captured, tmp_path: Path, truth: Path
 
 def test_a_truth_without_boxes(capsys: Captured, tmp_path: Path, truth: Path) -> None:
     assert "holds no labelled box" in failed(capsys, truth, write(tmp_path / "empty.txt", ""), code=1)
+
+
+def test_what_lies_on_an_ignored_box_counts_neither_way(tmp_path: Path, capsys: Captured) -> None:
+    """A box on something that is hardly visible is neither a hit nor a false one; one on nothing is false."""
+    truth = write(tmp_path / "gt.txt", "1,1,0,0,10,10,1\n1,2,50,0,10,10,0\n1,3,58,0,9,10,0\n")
+    result = write(tmp_path / "found.txt", "1,7,0,0,10,10\n1,8,51,0,10,10\n1,9,100,0,10,10\n")
+    found = scores(capsys, result, truth)
+    assert found["false_positives"] == 1
+    assert found["precision"] == 0.5
+
+
+def test_only_counted_objects_on_request(truth: Path, tmp_path: Path, capsys: Captured) -> None:
+    path = states(tmp_path / "states.jsonl", ("cam", "apron"))
+    path.write_text(path.read_text().replace('"counts":true', '"counts":false', 1))
+    assert scores(capsys, path, truth)["result_boxes"] == 3
+    assert scores(capsys, path, truth, "--counted")["result_boxes"] == 2

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from lumpwatch.models.evaluation import evaluate, tracks_of, without_ignored
 from lumpwatch.models.roi import make_roi
 from lumpwatch.service.config import ImmPfConfig, JpdaConfig, parse_config
 from lumpwatch.service.core.detection import Detection
@@ -107,6 +108,38 @@ def test_what_is_too_small_or_too_large_does_not_count(kind: str) -> None:
     # A particle filter's boxes have the expected size: it takes a large object for several small ones.
     for sizes in ([0.5, 0.9], *([[0.01, 0.05]] if kind == "jpda" else [])):
         assert run(made(kind, size_h=sizes), street.EMPTY_S + 3.0)[-1].existence < 0.5
+
+
+@pytest.mark.parametrize(("size_h", "why"), [([0.5, 0.9], "too_small"), ([0.01, 0.05], "too_large")])
+def test_what_does_not_count_is_listed_and_says_why(size_h: list[float], why: str) -> None:
+    last = run(made("jpda", size_h=size_h), street.EMPTY_S + 3.0)[-1]
+    assert [found.not_counted for found in last.objects] == [why, why]
+    assert last.existence == 0.0
+    assert not last.counted
+
+
+@pytest.mark.parametrize("side", [20, 44, 72])
+def test_with_defaults_vehicles_of_any_size_are_shown(side: int) -> None:
+    """0.08 to 0.3 of the picture's height."""
+    seconds = street.EMPTY_S + 6.0
+    lanes = ((60, 1.0, (40, 60, 210)), (180, -1.0, (200, 140, 30)))
+    roi = make_roi(WHOLE, street.WIDTH, street.HEIGHT, 320)
+    detector = make_detector(JpdaConfig(kind="jpda"), roi, None)
+    rows = []
+    for frame, picture in enumerate(street.pictures(seconds, 1, lanes, side), 1):
+        found = detector.step(np.zeros(picture.shape[:2], np.uint8), picture, 1 / street.FPS)
+        found = found.within(0, 0, street.WIDTH, street.HEIGHT)
+        rows += [(frame, one.id, (one.x, one.y, one.w, one.h), one.counts) for one in found.objects]
+    table = np.loadtxt(street.labels(seconds, lanes, side).splitlines(), delimiter=",")
+    truth, hardly = (
+        tracks_of(part[:, 0], part[:, 1], part[:, 2:6])
+        for part in (table[table[:, 6] == 1], table[table[:, 6] == 0])
+    )
+    frames, ids, boxes, counts = zip(*rows, strict=True)
+    scores = evaluate(without_ignored(tracks_of(frames, ids, boxes), truth, hardly, 0.5), truth, 0.5)
+    assert all(counts)
+    assert scores.precision >= 0.98
+    assert scores.recall >= 0.95
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -192,6 +192,8 @@ def test_what_an_alarm_record_says() -> None:
             "model_shares": {"belt": 0.75, "fall": 0.25},
             "wrong_way": False,
             "size": None,
+            "counts": True,
+            "not_counted": None,
         }
     ]
     assert data["timing"]["age_s"] == 0.125
@@ -265,7 +267,17 @@ def test_ids_rise_with_time_and_number() -> None:
 
 def test_a_state_line_has_the_fields_of_the_contract() -> None:
     line = record(state_line(RESULT, "cam", 90.0).line())
-    assert {"frame", "time_s", "camera", "roi", "state", "existence", "oversize", "objects"} == set(line)
+    assert {
+        "frame",
+        "time_s",
+        "camera",
+        "roi",
+        "state",
+        "existence",
+        "oversize",
+        "objects",
+        "unlocated",
+    } == set(line)
     assert (line["frame"], line["time_s"], line["state"]) == (42, 10.0, "LUMP")
     assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(line["objects"][0])
 

@@ -1,7 +1,8 @@
 """The trackers of many objects as detectors of a ROI (papers 2 and 3).
 
-A tracker follows everything that moves. What counts for the alarm are its confirmed tracks that are
-as large as the objects to be found; the ROI's existence is the probability that one of them exists.
+A tracker follows everything that moves, and all tracks that it stands by are listed. What counts for the
+alarm are those as large as the objects to be found; the ROI's existence is the probability that one of
+them exists.
 """
 
 from __future__ import annotations
@@ -14,10 +15,9 @@ from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import Belief
 from lumpwatch.models.trackers.tracked import TrackedObject
 from lumpwatch.service.config import ImmPfConfig, JpdaConfig
-from lumpwatch.service.core import DetectedObject, Detection
+from lumpwatch.service.core import DetectedObject, Detection, NotCounted
 from lumpwatch.service.detection.detectors.base import (
     LONGEST_STEP_S,
-    SHOWN_ABOVE,
     FilterState,
     StateMismatchError,
 )
@@ -97,18 +97,19 @@ class TrackerDetector:
         picture = colour.copy()
         picture[self._outside] = 0
         tracked = self._tracker.step(picture, dt)
-        counted = [track for track in tracked if track.confirmed and self._fits(track)]
-        existence = 1.0 - float(np.prod([1.0 - track.existence for track in counted]))
-        objects = tuple(self._describe(track) for track in counted if track.existence > SHOWN_ABOVE)
+        objects = tuple(self._describe(track) for track in tracked if track.confirmed)
+        none = [1.0 - found.existence for found in objects if found.counts]
         self._last_id = max((self._last_id, *(track.id + self._id_offset for track in tracked)))
-        return Detection(existence, objects)
+        return Detection(1.0 - float(np.prod(none)), objects)
 
-    def _fits(self, tracked: TrackedObject) -> bool:
-        """Whether the object is as large as those to be found are at its row."""
+    def _why_not(self, tracked: TrackedObject) -> NotCounted | None:
+        """None where the object is as large as those to be found are at its row."""
         mean, spread = self._parts[1].at(tracked.box[1:2])
         size = 0.5 * float(np.log(tracked.box[2] * tracked.box[3]))
         expected, reach = 0.5 * float(mean[0, 2:].sum()), SIZE_LIMIT * float(spread[0, 2:].max())
-        return abs(size - expected) <= reach
+        if abs(size - expected) <= reach:
+            return None
+        return NotCounted.TOO_SMALL if size < expected else NotCounted.TOO_LARGE
 
     def _describe(self, tracked: TrackedObject) -> DetectedObject:
         x, y, w, h = (float(v) for v in self.roi.to_frame(tracked.box[None])[0])
@@ -131,4 +132,5 @@ class TrackerDetector:
             spread_w=BOX_SPREAD * w,
             spread_h=BOX_SPREAD * h,
             spread_v=float(spread.max()) / TURN_S,
+            not_counted=self._why_not(tracked),
         )

@@ -238,7 +238,7 @@ class Passage:
 def overlaps(result: RoiResult, place: LumpAt, size: tuple[int, int]) -> bool:
     """Whether an object of the result lies on the lump, in pictures of `size`."""
     x, y, w, h = place.x * size[0], place.y * size[1], place.w * size[0], place.h * size[1]
-    found = result.detection.objects if result.detection is not None else ()
+    found = result.detection.counted if result.detection is not None else ()
     return any(
         abs(detected.x + detected.w / 2 - x) < (w + detected.w) / 2
         and abs(detected.y + detected.h / 2 - y) < (h + detected.h) / 2

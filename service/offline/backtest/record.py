@@ -114,7 +114,7 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
                 continue
             prior = result.prior
             found = [
-                (detected.x, detected.y, detected.w, detected.h) for detected in result.detection.objects
+                (detected.x, detected.y, detected.w, detected.h) for detected in result.detection.counted
             ]
             owner += [len(decided)] * len(found)
             boxes += found
