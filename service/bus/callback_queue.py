@@ -1,5 +1,7 @@
 """A daemon thread that runs jobs in order, so that user code never runs in zenoh's own threads.
 
+A publisher's jobs are its messages, so that whoever decides never waits for who reads.
+
 zenoh's callback threads are not daemons and keep the interpreter from exiting while a session is open;
 callbacks run directly by its network threads stall the whole session. So its callbacks only submit.
 """
@@ -37,9 +39,9 @@ class Worker:
             full = len(self._jobs) == self._jobs.maxlen
             self.dropped += full
             self._jobs.append(job)
-            self._wake.notify()
+            self._wake.notify_all()
         if full and self.dropped == 1:
-            _log.error("%s: the callback is too slow, messages are dropped", self._name)
+            _log.error("%s: cannot keep up, messages are dropped", self._name)
 
     def offer(self, job: Job) -> bool:
         """Queue a job only where none waits or runs; whether that was so. True once closed, as for `submit`."""
@@ -49,15 +51,26 @@ class Worker:
             if self._busy or self._jobs:
                 return False
             self._jobs.append(job)
-            self._wake.notify()
+            self._wake.notify_all()
         return True
+
+    @property
+    def idle(self) -> bool:
+        """Whether no job waits or runs."""
+        with self._wake:
+            return not (self._busy or self._jobs)
+
+    def drain(self, within_s: float) -> bool:
+        """Wait until no job waits or runs, but no longer than this; whether that was so."""
+        with self._wake:
+            return self._wake.wait_for(lambda: self._closed or not (self._busy or self._jobs), within_s)
 
     def close(self) -> None:
         """Forget waiting jobs and end after the running one; does not wait for it."""
         with self._wake:
             self._closed = True
             self._jobs.clear()
-            self._wake.notify()
+            self._wake.notify_all()
 
     def guard(self, job: Job) -> None:
         """Run a job now; what it raises is logged."""
@@ -70,6 +83,7 @@ class Worker:
         while True:
             with self._wake:
                 self._busy = False
+                self._wake.notify_all()
                 self._wake.wait_for(lambda: self._jobs or self._closed)
                 if self._closed:
                     return

@@ -32,6 +32,7 @@ from lumpwatch.service.bus.frames import FrameInbox, FramePublisher
 from lumpwatch.service.bus.handles import Handle, direct, queue, reason, shut, undeclares
 from lumpwatch.service.bus.ordering import InOrder, Message
 from lumpwatch.service.bus.services import Lanes, Service
+from lumpwatch.service.bus.slow_readers import SlowReaders
 from lumpwatch.service.bus.subscriptions import declare_alarm_subscriber, declare_subscriber
 
 _log = logging.getLogger(__name__)
@@ -40,6 +41,9 @@ _H = TypeVar("_H", bound=Handle)
 
 _CLOSE_S = 2.0
 _RECENT_S = 2.0
+ALARMS_WAITING = 1024
+"""How many alarms wait at the most while a hub does not take them; the event log has them all."""
+_LAST_ALARMS_S = 0.5
 
 
 class Bus:
@@ -51,9 +55,16 @@ class Bus:
     drop the oldest, with an error in the log.
     """
 
-    def __init__(self, session: zenoh.Session, clock: str, endpoints: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        clock: str,
+        endpoints: tuple[str, ...],
+        readers: SlowReaders | None = None,
+    ) -> None:
         self.endpoints = endpoints
         """Where a client on this host reaches the hub: wildcard hosts and port 0 are resolved."""
+        self._readers = readers
         self._session = session
         self._clock = clock
         self._receivers: dict[Handle, None] = {}
@@ -61,6 +72,9 @@ class Bus:
         self._lock = threading.Lock()
         self._closed = False
         self._values = Worker("last values")
+        # Alarms may wait for slow receivers, states never do: neither holds up the other, nor who decides.
+        self._alarms = Worker("alarms", ALARMS_WAITING)
+        self._states = Worker("states")
         self._lanes = Lanes(self._values)
         # A session with callbacks that is still open when the interpreter ends aborts the process.
         atexit.register(self._close_at_exit)
@@ -80,6 +94,15 @@ class Bus:
     def connected(self) -> bool:
         """Whether this client reaches a hub now; one that froze counts as reached for some 10 s."""
         return not self._closed and bool(self._session.info.routers_zid())
+
+    def cut_off(self) -> tuple[str, ...]:
+        """The peers of a hub that were cut off since the last call because they did not read."""
+        return () if self._readers is None or self._closed else self._readers.look()
+
+    @property
+    def flushed(self) -> bool:
+        """Whether all alarms that were put have left this process."""
+        return self._alarms.idle
 
     def close(self) -> None:
         """Close everything, receivers first; idempotent, returns within some 2 s.
@@ -125,7 +148,7 @@ class Bus:
         publisher's cache) and those that `ask` (from a queryable: the cache does not answer plain
         queries).
         """
-        return self._published(Publisher(key, keep=1), key, declare_state)
+        return self._published(Publisher(key, 1, self._states), key, declare_state)
 
     def alarm_publisher(self, key: str, kept: Sequence[Message] = ()) -> Publisher:
         """A publisher of messages that must not be lost: repeated where missed, the last 64 kept.
@@ -133,7 +156,7 @@ class Bus:
         Late joiners get those with `subscribe_alarms` or `ask`, after `kept`: messages of former
         publishers of the key, which nobody gets twice.
         """
-        return self._published(Publisher(key, ALARMS_KEPT, kept), key, declare_alarms)
+        return self._published(Publisher(key, ALARMS_KEPT, self._alarms, kept), key, declare_alarms)
 
     def subscribe(self, selector: str, callback: Callback, *, history: bool = False) -> Handle:
         """Call back with key and payload of each message; with `history` first with the last values."""
@@ -211,9 +234,13 @@ class Bus:
             self._shut()  # no thread can be started or waited for any more
 
     def _shut(self) -> None:
-        for handle in [*self._receivers, *self._senders]:
+        for handle in list(self._receivers):
             handle.close()
-        self._values.close()
+        self._alarms.drain(_LAST_ALARMS_S)
+        for handle in list(self._senders):
+            handle.close()
+        for worker in (self._values, self._alarms, self._states):
+            worker.close()
         self._lanes.close()
         with contextlib.suppress(zenoh.ZError):
             shut(self._session)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from urllib.parse import quote, unquote
 
 import zenoh
 from zenoh import ext
 
+from lumpwatch.service.bus.callback_queue import Worker
 from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.handles import Handle
 from lumpwatch.service.bus.ordering import Message, stamp, stamped
@@ -39,11 +42,16 @@ class Reply:
 
 
 class Publisher(Handle):
-    """Publishes small messages on one key; made by `Bus.publisher` and `Bus.alarm_publisher`."""
+    """Publishes small messages on one key; made by `Bus.publisher` and `Bus.alarm_publisher`.
 
-    def __init__(self, key: str, keep: int, kept: Sequence[Message] = ()) -> None:
-        """`kept` are messages of former publishers of this key, for late joiners."""
+    `put` never waits: a thread of the bus sends, one after another in the order of the calls.
+    """
+
+    def __init__(self, key: str, keep: int, outbox: Worker, kept: Sequence[Message] = ()) -> None:
+        """`outbox` sends; `kept` are messages of former publishers of this key, for late joiners."""
         super().__init__()
+        self._outbox = outbox
+        self._closed = False
         self.name = uuid.uuid4().hex[:16]
         """Tells this publisher from all others of the key, former ones included."""
         self._key = key
@@ -58,7 +66,7 @@ class Publisher(Handle):
         self._publisher = publisher
 
     def put(self, payload: bytes, number: int | None = None, publisher: str | None = None) -> None:
-        """Send; raises BusClosed when the bus, or this publisher, is closed.
+        """Have it sent; returns at once. Raises BusClosed when the bus, or this publisher, is closed.
 
         Messages are numbered from 0 unless `number` is given, which must rise. One with the `publisher`
         that it had before is the same message again: who has had it does not get it twice.
@@ -67,14 +75,22 @@ class Publisher(Handle):
             sent = Message(
                 self._key, payload, publisher or self.name, self._next if number is None else number
             )
+            if self._closed or self._publisher is None:
+                raise BusClosed(f"bus: closed, cannot publish {self._key}")
             if publisher is None:
                 self._next = sent.number + 1
             self._kept = (*self._kept, sent)[-self._keep :]
-            assert self._publisher is not None
-            try:
-                self._publisher.put(payload, attachment=stamp(sent.publisher, sent.number))
-            except zenoh.ZError as error:
-                raise BusClosed(f"bus: closed while {self._key} was published") from error
+            self._outbox.submit(partial(self._send, self._publisher, sent))
+
+    def close(self) -> None:
+        """Take it back; what waits to be sent is not. Idempotent."""
+        self._closed = True
+        super().close()
+
+    def _send(self, publisher: ext.AdvancedPublisher, sent: Message) -> None:
+        """May wait for a slow hub; runs in the outbox."""
+        with contextlib.suppress(zenoh.ZError):  # closed meanwhile
+            publisher.put(sent.payload, attachment=stamp(sent.publisher, sent.number))
 
     def answer(self, query: zenoh.Query) -> None:
         """Reply with what is kept, oldest first (for the bus only)."""

@@ -18,6 +18,7 @@ from lumpwatch.service.bus.access import Commandable, access_control
 from lumpwatch.service.bus.client import Bus
 from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.handles import reason
+from lumpwatch.service.bus.slow_readers import SlowReaders
 from lumpwatch.service.config import BusConfig, TlsConfig
 
 _log = logging.getLogger(__name__)
@@ -27,6 +28,10 @@ _ANY_HOST = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]", "*": "127.0.0.1"}
 _FIRST_ATTEMPT_S, _LONGEST_ATTEMPT_S, _PAUSE_S = 0.5, 4.0, 0.2
 # With zenoh's own values a client is back 2.5 to 3.5 s after its hub, with these after some 0.1 s.
 _RETRY = {"period_init_ms": 200, "period_max_ms": 500, "period_increase_factor": 1.5}
+
+_ALARMS_QUEUED = 16
+MOST_BYTES = 64 << 20
+"""A longer message ends the connection that it comes from: a colour picture of 5,000 by 4,000 pixels fits."""
 
 
 def open_hub(config: BusConfig, commands: Iterable[Commandable] = ()) -> Bus:
@@ -48,7 +53,7 @@ def open_hub(config: BusConfig, commands: Iterable[Commandable] = ()) -> Bus:
     except zenoh.ZError as error:
         named = [endpoint for endpoint in listen if endpoint in str(error)] or listen
         raise BusError(f"bus: cannot listen on {', '.join(named)}: {reason(error)}") from error
-    return Bus(session, host_clock(), reachable(listen))
+    return Bus(session, host_clock(), reachable(listen), SlowReaders(listen))
 
 
 def open_client(config: BusConfig, stop: threading.Event | None = None, *, wait: bool = True) -> Bus:
@@ -118,6 +123,9 @@ def _settings(
         "connect/endpoints": connect,
         "connect/retry": _RETRY,
         "timestamping/enabled": True,
+        # So many alarms wait for a slow reader before anybody waits with them.
+        "transport/link/tx/queue/size/interactive_high": _ALARMS_QUEUED,
+        "transport/link/rx/max_message_size": MOST_BYTES,
         "transport/shared_memory/enabled": config.shared_memory,
     }
     if config.tls is not None:

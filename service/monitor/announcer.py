@@ -118,21 +118,22 @@ class Announcer:
 
     def confirm(self) -> None:
         """Called once a second: what was sent without a hub is fetched by subscribers soon after it is back."""
-        connected = self._bus.connected
+        connected = self._bus.connected and self._bus.flushed
         if connected and self._connected and self._unconfirmed:
             self._events.published(self._unconfirmed)
             self._unconfirmed = []
         self._connected = connected
 
     def _sent(self, records: list[tuple[str, str]]) -> None:
-        """These (ROI, id) were put; where a hub is there, they are on the bus."""
+        """These (ROI, id) were put; where a hub is there, and takes them, they are soon on the bus."""
         if not records:
             return
-        if self._bus.connected:
-            self._events.published(records)
-        else:
+        if not self._bus.connected:
             self._connected = False
-            self._unconfirmed += records
+        elif self._bus.flushed:
+            self._events.published(records)
+            return
+        self._unconfirmed += records
 
     def _past(self, roi: str, key: str) -> list[Message]:
         """What former processes have sent."""

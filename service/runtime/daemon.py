@@ -143,17 +143,23 @@ def run(
         left: list[str] = []
         stack.callback(lambda: left.extend(supervisor.stop()))
         on_ready(Addresses(hub.endpoints, server.url))
-        watch(supervisor, health, stop)
+        watch(supervisor, health, stop, lambda: metrics.cut_off(hub.cut_off()))
         log.info("stopping")
     if left:
         logging.shutdown()
         os._exit(1)
 
 
-def watch(workers: Workers, health: DaemonHealth, stop: threading.Event) -> None:
-    """Watch the workers until `stop` is set."""
+def watch(
+    workers: Workers,
+    health: DaemonHealth,
+    stop: threading.Event,
+    readers: Callable[[], object] = lambda: None,
+) -> None:
+    """Watch the workers, and the `readers` of the bus, until `stop` is set."""
     while not stop.is_set():
         workers.watch()
+        readers()
         health.watched()
         stop.wait(WATCH_EVERY_S)
 

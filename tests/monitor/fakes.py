@@ -71,7 +71,7 @@ class FakeBus:
     """One session without a network."""
 
     def __init__(self, daemon: FakeLink) -> None:
-        self.connected = True
+        self.connected = self.flushed = True
         self.sent: list[tuple[str, Any]] = []
         self.services: dict[str, Service] = {}
         self.queryables: list[str] = []

@@ -37,6 +37,7 @@ class World:
         self.past: list[Message] = []
         self._sequences = sequences or {}
         self.connected = True
+        self.flushed = True
 
     def sequences(self) -> dict[str, int]:
         return self._sequences
@@ -184,6 +185,11 @@ def test_what_is_sent_without_a_hub_is_published_some_time_after_it_is_back() ->
     ((sent,),) = world.of("sent")
     assert sent == ("apron", world.of("alarm")[0]["id"])
     target.announce((RESULT,))
+    target.confirm()
+    assert len(world.of("sent")) == 2
+    world.flushed = False  # the hub does not take it
+    target.announce((RESULT,))
+    target.confirm()
     assert len(world.of("sent")) == 2
 
 
