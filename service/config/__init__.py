@@ -26,6 +26,7 @@ from lumpwatch.service.config.load import (
 from lumpwatch.service.config.motion import MotionConfig
 from lumpwatch.service.config.proof import ProofTestConfig
 from lumpwatch.service.config.quality import CheckConfig, QualityConfig
+from lumpwatch.service.config.sight import SightConfig
 from lumpwatch.service.config.site import SiteConfig, StoreConfig, TelemetryConfig
 from lumpwatch.service.config.source import PICTURE_SUFFIXES, BackoffConfig, SourceConfig
 from lumpwatch.service.config.trackers import ImmPfConfig, JpdaConfig, MixtureConfig, Zone
@@ -60,6 +61,7 @@ __all__ = [
     "QualityConfig",
     "RoiConfig",
     "ShiftsConfig",
+    "SightConfig",
     "SiteConfig",
     "SourceConfig",
     "StoreConfig",

@@ -50,7 +50,17 @@ class BlindAlarmConfig(ConditionAlarmConfig):
     """The alarm that a ROI cannot judge: class `blind`."""
 
     on_delay_s: Delay = 5.0
-    """How long the ROI must be BLIND without a break; the state says so at once."""
+    """How long the ROI must be BLIND in all within `window_s`; the state says so at once."""
+    window_s: PositiveSeconds = 30.0
+    """The time over which that is summed up. The alarm stands as long as the ROI went blind more than once in it."""
+
+    @model_validator(mode="after")
+    def _within(self) -> Self:
+        if self.window_s < self.on_delay_s:
+            raise ValueError(
+                f"window_s ({self.window_s:g}) must not be shorter than on_delay_s ({self.on_delay_s:g})"
+            )
+        return self
 
 
 class SystemAlarmConfig(ConditionAlarmConfig):

@@ -40,6 +40,8 @@ class CalibrationConfig(Strict):
     """Two points of the line at which lumps leave the belt."""
     error_px: Positive = 2.0
     """Standard deviation of a point in the picture, pixels."""
+    speed_m_s: Positive | None = None
+    """Usual speed of the belt: tells how many frames a second it takes to find a lump on it; left out: `sight` does."""
     limit_mm: Positive | None = None
     """Longest diameter that the crusher takes: the alarm is raised for what is larger; left out: for all lumps."""
 

@@ -14,6 +14,7 @@ from lumpwatch.service.config.jdt import JdtConfig
 from lumpwatch.service.config.learning import LearningConfig
 from lumpwatch.service.config.proof import ProofTestConfig
 from lumpwatch.service.config.quality import QualityConfig
+from lumpwatch.service.config.sight import SightConfig
 from lumpwatch.service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
@@ -123,6 +124,8 @@ class CameraConfig(Strict):
     """A ROI without a fresh frame for this long is BLIND."""
     latency: LatencyConfig = LatencyConfig()
     """How late a decision may be before that is an alarm of its own."""
+    sight: SightConfig = SightConfig()
+    """How many judged frames CLEAR needs."""
     quality: QualityConfig = QualityConfig()
     """Whether the picture is fit to judge."""
 

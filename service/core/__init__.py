@@ -51,6 +51,7 @@ from lumpwatch.service.core.duration import seconds_of
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
+from lumpwatch.service.core.spells import Spells
 from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
 
 __all__ = [
@@ -83,6 +84,7 @@ __all__ = [
     "ReasonDebouncer",
     "RoiResult",
     "Rules",
+    "Spells",
     "StreamClock",
     "Transition",
     "Trouble",

@@ -24,7 +24,8 @@ class BlindReason(StrEnum):
     """Why a ROI cannot judge; of several reasons the first of this list is reported."""
 
     STARTING = "starting"
-    """No frame has come yet."""
+    """No frame has come yet, or the filter has not yet judged enough of them since it began; the latter is
+    reported after all the others."""
     UNFIT = "unfit"
     """The region does not fit the picture: it has another size or shape than polygon, calibration or detector need."""
     NO_STREAM = "no_stream"
@@ -32,7 +33,7 @@ class BlindReason(StrEnum):
     STALE = "stale"
     """Frames come late."""
     FILTER = "filter"
-    """The filter fails, or is starved of particles."""
+    """The filter fails, has failed and not yet looked long enough since, or is starved of particles."""
     OVERLOAD = "overload"
     """Too few frames are judged, or too late."""
     FROZEN = "frozen"
@@ -51,6 +52,8 @@ class BlindReason(StrEnum):
     """Fine structure is gone."""
     EXPOSURE = "exposure"
     """Hold-off after the exposure has jumped."""
+    FEW_FRAMES = "few_frames"
+    """Fewer frames are judged than it takes to find a lump."""
 
 
 class Trouble(StrEnum):

@@ -12,6 +12,7 @@ from lumpwatch.service.detection.region import make_region
 from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
 from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
+from lumpwatch.service.detection.sight import SightState
 from lumpwatch.service.detection.sizing import SizeTrack, make_plane
 from lumpwatch.service.detection.snapshot import Snapshot
 
@@ -27,6 +28,7 @@ __all__ = [
     "RegionChannel",
     "RegionMisfitError",
     "Shadows",
+    "SightState",
     "SizeTrack",
     "Snapshot",
     "Unobserved",

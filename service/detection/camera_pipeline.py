@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+from math import isfinite
 
-from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import (
     Alarm,
     AlarmAction,
@@ -31,6 +32,8 @@ from lumpwatch.service.detection.observer import PipelineObserver, Unobserved
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.detection.region_alarms import RegionAlarms
 from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
+from lumpwatch.service.detection.sight import Sight
+from lumpwatch.service.detection.sizing import ride_s
 from lumpwatch.service.detection.snapshot import Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior, Reference
@@ -44,9 +47,13 @@ class _Region:
 
     channel: RegionChannel
     alarms: RegionAlarms
+    sight: Sight
     unfit: str | None = None
     """Why it does not fit the picture."""
-    failed: bool = False
+    last_s: float | None = None
+    """When it last judged a frame, on the clock of `now_s`."""
+    told: set[str] = field(default_factory=set)
+    """Failures of the filter whose traceback is in the log."""
 
 
 class CameraPipeline:
@@ -72,6 +79,7 @@ class CameraPipeline:
         self._observer: PipelineObserver = observer or Unobserved()
         self.reference = reference
         """What a fit picture looks like; None: the stated defaults."""
+        self._given = reference
         self.quality = quality or CameraQuality(
             config.id, config.quality, tuple(roi.id for roi in config.rois)
         )
@@ -85,7 +93,8 @@ class CameraPipeline:
                 refused=partial(self._refuse, roi.id),
                 make=make,
             )
-            self._regions[roi.id] = _Region(channel, RegionAlarms(channel))
+            sight = Sight(config.sight, config.blind_after_s)
+            self._regions[roi.id] = _Region(channel, RegionAlarms(channel), sight)
         for (roi_id, alarm_class), alarm in (alarms or {}).items():
             if roi_id in self._regions:
                 self._regions[roi_id].alarms.restore({alarm_class: alarm})
@@ -113,8 +122,12 @@ class CameraPipeline:
     def process(self, frame: Frame, now_s: float) -> tuple[RoiResult, ...]:
         """Filter and decide every ROI on one frame; () for a frame that is not newer than the last.
 
-        A ROI that does not fit the picture, or whose filter fails, is BLIND and leaves the others alone.
+        So for one whose times cannot be: it would make all that follow it look late. A ROI that does not fit the
+        picture, or whose filter fails, is BLIND and leaves the others alone.
         """
+        if not _possible(frame, now_s):
+            self._observer.dropped("future")
+            return ()
         last_s = self._last_s
         if last_s is not None and frame.capture_s <= last_s:
             self._observer.dropped("duplicate" if frame.capture_s == last_s else "late")
@@ -123,7 +136,12 @@ class CameraPipeline:
             self._size = (frame.width, frame.height)
             self._fit()
         self._frame, self._last_s, self._taken_s = frame, frame.capture_s, now_s
-        self.quality.picture(frame, now_s)
+        try:
+            self.quality.picture(frame, now_s)
+        except Exception as error:  # no region is judged by what failed, and none is CLEAR
+            for region in self._regions.values():
+                self._fail(region, error)
+            return self.poll(now_s)
         return tuple(self._process_region(region, frame, now_s) for region in self._regions.values())
 
     def poll(self, now_s: float) -> tuple[RoiResult, ...]:
@@ -150,7 +168,7 @@ class CameraPipeline:
     def snapshots(self) -> dict[str, Snapshot]:
         """Of every ROI, before the next frame."""
         return {
-            roi_id: replace(region.channel.snapshot(), alarms=region.alarms.now())
+            roi_id: replace(region.channel.snapshot(), alarms=region.alarms.now(), sight=region.sight.state())
             for roi_id, region in self._regions.items()
         }
 
@@ -162,6 +180,7 @@ class CameraPipeline:
         region = self._regions[roi_id]
         region.alarms.restore(snapshot.alarms)
         region.channel.restore(snapshot)
+        region.sight.restore(snapshot.sight)
         self._last_s, self._size = snapshot.last_capture_s, snapshot.size
 
     def prior(self, roi_id: str) -> Prior | None:
@@ -181,20 +200,10 @@ class CameraPipeline:
 
     def use_reference(self, reference: Reference) -> None:
         """Judge the picture by another reference from now on; one that does not fit is refused."""
-        if self._size is None:
-            self.reference = reference
-            return
-        self.reference = self._fitting(reference, *self._size) or self.reference
-        self._fit_quality(*self._size)
-
-    def _fitting(self, reference: Reference | None, width: int, height: int) -> Reference | None:
-        try:
-            if reference is not None:
-                reference.check_fits(self._config, width, height)
-        except LumpwatchError as error:
-            log.error("%s: reference refused: %s", self._config.id, error)  # noqa: TRY400 - the line says it
-            return None
-        return reference
+        if self._size is None or self._fit_quality(reference, *self._size):
+            self.reference = self._given = reference
+        else:
+            self._fit_quality(self.reference, *self._size)
 
     def _refuse(self, roi_id: str, error: LumpwatchError) -> None:
         log.error("%s/%s: prior refused: %s", self._config.id, roi_id, error)
@@ -205,12 +214,18 @@ class CameraPipeline:
         assert self._size is not None
         for region in self._regions.values():
             self._fit_region(region, *self._size)
-        self.reference = self._fitting(self.reference, *self._size)
-        self._fit_quality(*self._size)
+        # One that is refused for pictures of one size may fit the next.
+        fits = self._fit_quality(self._given, *self._size)
+        self.reference = self._given if fits else None
+        if not fits:
+            self._fit_quality(None, *self._size)
 
     def _fit_region(self, region: _Region, width: int, height: int) -> None:
         try:
-            region.channel.fit(width, height)
+            if region.channel.size != (width, height):
+                region.channel.fit(width, height)
+                region.sight.begin()
+            region.sight.ride(_ride_s(region.channel.config, width, height))
         except Exception as error:  # whatever it is: it must not take the other regions with it
             region.unfit = str(error) or type(error).__name__
             log.error(  # noqa: TRY400 - the line says it, unless it is a surprise
@@ -225,24 +240,61 @@ class CameraPipeline:
         else:
             region.unfit = None
 
-    def _fit_quality(self, width: int, height: int) -> None:
+    def _fit_quality(self, reference: Reference | None, width: int, height: int) -> bool:
+        """Judge pictures of that size by the reference from now on; False, and nothing said of what was before,
+        where it does not fit.
+        """
         detectors = {roi_id: region.channel.detector for roi_id, region in self._regions.items()}
         rois = {roi_id: detector.roi for roi_id, detector in detectors.items() if detector is not None}
-        self.quality.fit(rois, width, height, self.reference)
+        try:
+            if reference is not None:
+                reference.check_fits(self._config, width, height)
+            self.quality.fit(rois, width, height, reference)
+        except LumpwatchError as error:
+            log.error("%s: reference refused: %s", self._config.id, error)  # noqa: TRY400 - the line says it
+            return False
+        return True
 
     def _process_region(self, region: _Region, frame: Frame, now_s: float) -> RoiResult:
         if region.unfit is not None:
             return self._result(region, (), now_s)
+        may_learn = self._unseen(now_s) is None
         try:
-            transition = region.channel.step(frame, now_s=now_s, may_learn=self._blind(region, now_s) is None)
-        except Exception:
+            transition = region.channel.step(
+                frame,
+                now_s=now_s,
+                may_learn=may_learn,
+                may_clear=may_learn and region.sight.reason(frame.capture_s) is None,
+            )
+        except Exception as error:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
-            log.exception("camera %s, roi %s: the filter failed", self._config.id, region.channel.config.id)
-            region.failed = True
-            region.channel.begin_anew()
+            self._fail(region, error)
             return self._result(region, (), now_s)
-        region.failed = False
+        region.sight.judged(frame.capture_s)
+        region.last_s = now_s
         return self._result(region, region.alarms.stepped(transition), now_s, decided=True)
+
+    def _fail(self, region: _Region, error: Exception) -> None:
+        """The filter failed: it begins anew, and the region is BLIND until it has looked for long enough again."""
+        self._observer.dropped("failed")
+        region.sight.begin(failed=True)
+        what = f"{type(error).__name__}: {error}"
+        if what not in region.told and len(region.told) < _MOST_TOLD:
+            region.told.add(what)
+            log.error(
+                "camera %s, roi %s: the filter failed and begins anew; told once, further failures are counted",
+                self._config.id,
+                region.channel.config.id,
+                exc_info=error,
+            )
+        if region.unfit is None:
+            try:
+                region.channel.begin_anew()
+            except Exception:
+                region.unfit = what
+                log.exception(
+                    "%s/%s: the filter cannot begin anew", self._config.id, region.channel.config.id
+                )
 
     def _result(
         self, region: _Region, changes: tuple[AlarmChange, ...], now_s: float, *, decided: bool = False
@@ -250,7 +302,11 @@ class CameraPipeline:
         channel = region.channel
         quality = self.quality.current(channel.config.id)
         reason = self._blind(region, now_s) or quality.reason
-        changes += region.alarms.tick(_reason_text(reason, region), now_s)
+        short = None if reason is not None else region.sight.reason(now_s)
+        changes += region.alarms.tick(_reason_text(reason or short, region), now_s)
+        # What was found in a fit picture counts however few were looked at; that nothing was found does not.
+        if not (channel.alarm.active and region.last_s is not None and short in _LUMP_COUNTS):
+            reason = reason or short
         clear_or_lump = Decision.LUMP if channel.alarm.active else Decision.CLEAR
         return RoiResult(
             roi=channel.config.id,
@@ -272,13 +328,42 @@ class CameraPipeline:
             return BlindReason.STARTING
         if region.unfit is not None:
             return BlindReason.UNFIT
-        if region.failed:
+        if (unseen := self._unseen(now_s)) is not None:
+            return unseen
+        if region.sight.reason(now_s) is BlindReason.FILTER:
             return BlindReason.FILTER
+        if region.last_s is not None and now_s - region.last_s > self._config.blind_after_s:
+            return BlindReason.NO_STREAM
+        return None
+
+    def _unseen(self, now_s: float) -> BlindReason | None:
+        """Why the newest frame says nothing of the present."""
+        if self._frame is None:
+            return BlindReason.STARTING
         if now_s - self._frame.received_s > self._config.blind_after_s:
             return BlindReason.NO_STREAM
         if now_s - self._frame.capture_s > self._config.blind_after_s:
             return BlindReason.STALE
         return None
+
+
+_FUTURE_S = 0.05
+"""A frame is received before it is decided on; so much is left to the reading of clocks."""
+_MOST_TOLD = 16
+_LUMP_COUNTS = (BlindReason.STARTING, BlindReason.FEW_FRAMES)
+
+
+def _possible(frame: Frame, now_s: float) -> bool:
+    """Whether it was captured before it was received, and received before `now_s`."""
+    times = (frame.capture_s, frame.received_s)
+    return all(isfinite(time_s) for time_s in times) and max(times) <= now_s + _FUTURE_S
+
+
+def _ride_s(config: RoiConfig, width: int, height: int) -> float | None:
+    """How long a lump takes across the region; None where that is not known."""
+    if config.calibration is None:
+        return None
+    return ride_s(config.calibration, width, height, config.polygon)
 
 
 def _reason_text(reason: BlindReason | None, region: _Region) -> str | None:

@@ -27,7 +27,7 @@ from lumpwatch.service.core import (
     ReasonDebouncer,
 )
 from lumpwatch.service.detection.camera_shift import CameraShift
-from lumpwatch.service.storage import Reference
+from lumpwatch.service.storage import BadReferenceError, Reference
 
 _BRIGHTENED = 1.1  # a veil of dust is brighter than what it hides; a cover need not be
 _NEARER = 0.05  # another light is taken when so many more tiles look like it
@@ -48,8 +48,12 @@ class CameraQuality:
     def fit(self, rois: Mapping[str, Roi], width: int, height: int, reference: Reference | None) -> None:
         """Measure pictures of this size with these regions, against another reference or none.
 
-        A region that is not among them is not measured.
+        A region that is not among them is not measured. Raises BadReferenceError for a reference of regions of
+        another size in the working picture; all is then as before.
         """
+        if reference is not None:
+            for name, roi in rois.items():
+                _check_tiles(reference, name, PictureMeter(roi.mask).tiles)
         for name, region in self._regions.items():
             lights = () if reference is None else tuple(light.regions[name] for light in reference.lights)
             if name in rois:
@@ -237,6 +241,17 @@ class _Region:
         if effective != 0.0:
             least = self._config.filter.least_particles
             self._starved = not self._particles.add(time_s, effective) >= least
+
+
+def _check_tiles(reference: Reference, roi: str, tiles: int) -> None:
+    """Raises BadReferenceError."""
+    for light in reference.lights:
+        known = light.regions.get(roi)
+        if known is None or known.pattern.level_low.size != tiles:
+            raise BadReferenceError(
+                f"reference, roi {roi}: was learned on pictures of another size "
+                f"({known.pattern.level_low.size if known else 0} tiles, now {tiles}); learn again"
+            )
 
 
 _REASONS = {

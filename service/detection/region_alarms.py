@@ -12,6 +12,7 @@ from lumpwatch.service.core import (
     AlarmChange,
     AlarmClass,
     Changed,
+    Spells,
     Transition,
     Trouble,
     all_of,
@@ -21,6 +22,8 @@ from lumpwatch.service.core import (
 )
 from lumpwatch.service.detection.region_channel import RegionChannel
 
+_ROUNDING_S = 1e-6
+
 
 class RegionAlarms:
     """Every method returns what became of the alarms, in order."""
@@ -28,6 +31,9 @@ class RegionAlarms:
     def __init__(self, channel: RegionChannel) -> None:
         self._channel = channel
         self._others: dict[AlarmClass, Alarm] = {AlarmClass.BLIND: Alarm(), AlarmClass.SYSTEM: Alarm()}
+        self._blind = Spells()
+        rules = channel.config.alarm.blind
+        self._at_once = rules.model_copy(update={"on_delay_s": 0.0, "off_delay_s": 0.0})
         self._troubles: frozenset[Trouble] = frozenset()
         self._announced: frozenset[Trouble] = frozenset()
         """Those that the system alarm has been announced for."""
@@ -62,9 +68,15 @@ class RegionAlarms:
         return changes
 
     def _step_blind(self, reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
-        blind = 0.0 if reason is None else 1.0
-        before, rules = self._others[AlarmClass.BLIND], self._rules(AlarmClass.BLIND)
-        alarm, transition = step_alarm(before, rules, blind, now_s)
+        rules, before = self._channel.config.alarm.blind, self._others[AlarmClass.BLIND]
+        self._blind = self._blind.step(now_s, holds=reason is not None, window_s=rules.window_s)
+        if before.active:
+            sees_s = self._blind.free_for_s(now_s)
+            blind = reason is not None or self._blind.many or sees_s < rules.off_delay_s - _ROUNDING_S
+        else:
+            total_s = self._blind.total_s(now_s, rules.window_s)
+            blind = reason is not None and total_s >= rules.on_delay_s - _ROUNDING_S
+        alarm, transition = step_alarm(before, self._at_once, float(blind), now_s)
         if transition is not None and reason is not None:
             transition = replace(transition, reason=reason)
         return self._changes(AlarmClass.BLIND, all_of((alarm, transition)))

@@ -140,12 +140,14 @@ class RegionChannel:
         detector = self._begun(geometry, width, height)
         self.detector, self._sizer, self.size = detector, sizer, (width, height)
 
-    def step(self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True) -> Transition | None:
+    def step(
+        self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True, may_clear: bool = True
+    ) -> Transition | None:
         """One frame of the fitted size: cut the region where it lies now, filter, and step the alarm.
 
         Returns what became of the alarm, which is decided at `now_s`; None: at the capture. `may_learn`: whether the
-        picture may teach a background model, if it is fit. Raises whatever is wrong with filter or frame; the alarm
-        and the detection are then as before.
+        picture may teach a background model, if it is fit; `may_clear`: whether it may clear the alarm. Raises
+        whatever is wrong with filter or frame; the alarm and the detection are then as before.
         """
         began, dt = perf_counter(), self._advance(frame.capture_s)
         # The detector thinks where the camera looked at first; only what goes in and out is moved.
@@ -154,7 +156,14 @@ class RegionChannel:
         colour = working_colour(frame, place) if self.config.detector.needs_colour else None
         cut_s = perf_counter() - began
         transition = self._filter(
-            gray, colour, dt, frame.capture_s, now_s=now_s, offset_px=offset, may_learn=may_learn
+            gray,
+            colour,
+            dt,
+            frame.capture_s,
+            now_s=now_s,
+            offset_px=offset,
+            may_learn=may_learn,
+            may_clear=may_clear,
         )
         self._listener.stage("cut", self.config.id, cut_s)
         return transition
@@ -245,6 +254,7 @@ class RegionChannel:
         now_s: float | None,
         offset_px: tuple[int, int],
         may_learn: bool,
+        may_clear: bool = True,
     ) -> Transition | None:
         name, detector = self.config.id, self._fitted()
         began = perf_counter()
@@ -265,20 +275,20 @@ class RegionChannel:
         self._listener.stage("quality", name, observed - began)
         self._listener.stage("filter", name, perf_counter() - observed)
         self.pictures.filtered(name, self.detection, time_s)
-        evidence = self._evidence(found.alarming)
+        evidence = self._evidence(found.alarming, may_clear)
         decided_s = time_s if now_s is None else now_s
         self.alarm, transition = step_alarm(
             self.alarm, self.config.alarm, evidence, decided_s, observed_s=time_s
         )
         return transition
 
-    def _evidence(self, alarming: float) -> float:
-        """What the lump alarm may judge: a picture that is not fit clears no alarm.
+    def _evidence(self, alarming: float, may_clear: bool) -> float:
+        """What the lump alarm may judge: a picture that is not fit clears no alarm, nor do too few of them.
 
         It may still raise one, except in the hold-off after the exposure has jumped.
         """
         quality, rules = self.pictures.current(self.config.id), self.config.alarm
-        if quality.reason is None and not quality.suspect:
+        if quality.reason is None and not quality.suspect and (may_clear or not self.alarm.active):
             return alarming
         if self.alarm.active:
             return max(alarming, rules.clear_below)

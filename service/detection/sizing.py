@@ -8,6 +8,7 @@ takes away is that a lump is no sphere (`SHAPE_SPREAD`), and what time does is t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import erf, exp, log, pi, sqrt, tan
 
@@ -155,6 +156,23 @@ def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
         focal = width / 2 / tan(known.view_deg * pi / 360)
         places = rectangle_of_width(points, known.width_mm, focal, (width, height))
     return fit_plane(points, places, config.error_px, (width, height), np.array(config.lip) * size)
+
+
+def ride_s(
+    config: CalibrationConfig, width: int, height: int, corners: Iterable[tuple[float, float]]
+) -> float | None:
+    """How long a lump takes from the farthest of these corners (relative to the picture) to the lip; None: not known.
+
+    Raises ValueError.
+    """
+    if config.speed_m_s is None:
+        return None
+    plane, still, side = make_plane(config, width, height), np.zeros(2), width / 100
+    places = (
+        measure(plane, np.array([x * width, y * height, side, side]), still, np.ones(6)) for x, y in corners
+    )
+    farthest_m = max((found.distance_m.value for found in places if found is not None), default=0.0)
+    return farthest_m / config.speed_m_s if farthest_m > 0.0 else None
 
 
 def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: float) -> float:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from lumpwatch.service.core import Alarm, AlarmClass
 from lumpwatch.service.detection.detectors.base import FilterState
+from lumpwatch.service.detection.sight import SightState
 from lumpwatch.service.detection.sizing import SizeTrack
 from lumpwatch.service.storage import Prior
 
@@ -24,6 +25,8 @@ class Snapshot:
     """What is remembered of the objects' sizes."""
     alarms: dict[AlarmClass, Alarm]
     prior: Prior | None
+    sight: SightState = field(default_factory=SightState)
+    """Which frames were judged."""
 
     @property
     def exact(self) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lumpwatch.service.core import Alarm, AlarmClass
-from lumpwatch.service.detection import FilterState, SizeTrack, Snapshot
+from lumpwatch.service.detection import FilterState, SightState, SizeTrack, Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior, alarm_of
 
@@ -29,6 +29,7 @@ def encode_state(snapshot: Snapshot) -> bytes:
         "size": snapshot.size,
         "filter": None if snapshot.filter is None else snapshot.filter.plain,
         "looks": {str(i): asdict(track) for i, track in snapshot.sizes.items()},
+        "sight": asdict(snapshot.sight),
         "alarms": {alarm_class.value: _alarm(alarm) for alarm_class, alarm in snapshot.alarms.items()},
     }
     arrays = {} if snapshot.filter is None else snapshot.filter.arrays
@@ -63,7 +64,13 @@ def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None
             for alarm_class, alarm in plain["alarms"].items()
         },
         prior,
+        _sight(plain.get("sight", {})),
     )
+
+
+def _sight(plain: dict[str, Any]) -> SightState:
+    """States of before 0.2 have none: they begin as a start does."""
+    return SightState(**plain | {"judged_s": tuple(plain.get("judged_s", ()))})
 
 
 def _alarm(alarm: Alarm) -> dict[str, Any]:

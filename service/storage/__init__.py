@@ -32,11 +32,17 @@ from lumpwatch.service.storage.label_file import (
 )
 from lumpwatch.service.storage.prior_file import Prior, PriorError, PriorMeta, decode_prior, encode_prior
 from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
-from lumpwatch.service.storage.reference_store import Reference, ReferenceMeta, ReferenceStore
+from lumpwatch.service.storage.reference_store import (
+    BadReferenceError,
+    Reference,
+    ReferenceMeta,
+    ReferenceStore,
+)
 from lumpwatch.service.storage.shadow_store import StateKeeper, read_state
 from lumpwatch.service.storage.versions import StoreError
 
 __all__ = [
+    "BadReferenceError",
     "Box",
     "Details",
     "Entry",

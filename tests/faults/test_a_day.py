@@ -120,6 +120,7 @@ def hub() -> Iterator[str]:
 def test_a_day_in_flat_memory(hub: str, tmp_path: Path, record: Record) -> None:
     tree = site_tree(particles=100)
     tree["cameras"][0] |= {"blind_after_s": 30.0}
+    tree["cameras"][0]["sight"] |= {"within_s": 30.0}  # a frame in 10 s while nothing happens
     config = site(tree).cameras[0]
     clock, registry = Clock(), CollectorRegistry()
     metrics = MonitorMetrics(registry, "cam", ("apron",))
