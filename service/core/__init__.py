@@ -26,6 +26,7 @@ from lumpwatch.service.core.alarm import (
     unsuppress,
 )
 from lumpwatch.service.core.annotation import COLOURS, NOT_COUNTED, label_of
+from lumpwatch.service.core.camera_clock import CameraClock
 from lumpwatch.service.core.clock import Clocks, utc
 from lumpwatch.service.core.crop import (
     luma_of,
@@ -65,6 +66,7 @@ __all__ = [
     "AlarmRequestError",
     "AlarmState",
     "BlindReason",
+    "CameraClock",
     "Change",
     "Changed",
     "Clocks",

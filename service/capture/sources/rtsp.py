@@ -8,6 +8,7 @@ the last such fault, or with `read_timeout` where nothing came at all.
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Iterator
 
@@ -24,7 +25,9 @@ from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, sourc
 from lumpwatch.service.capture.sources.pacing import Times
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
 from lumpwatch.service.config import SourceConfig
-from lumpwatch.service.core import Frame, StreamClock
+from lumpwatch.service.core import CameraClock, Frame
+
+_log = logging.getLogger(__name__)
 
 # FFmpeg's parser keeps the last picture until the next begins. A read that is interrupted hands
 # it out first and fails at the second time only: that is why a time-out passed as it is lasts
@@ -59,7 +62,7 @@ class RtspSource:
         self._monotonic = monotonic
         self._wall = wall
         self._assembler = Assembler(encoding)
-        self._clock = StreamClock()
+        self._clock = CameraClock()
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
         self._packets: Iterator[Packet[VideoStream]] = iter(())
@@ -177,11 +180,14 @@ class RtspSource:
         if picture.is_corrupt:
             self._drop(Fault.CORRUPT)
             return None
-        if picture.pts is not None and picture.pts == self._pts:
+        if picture.pts is not None and picture.pts == self._pts and not self._clock.by_arrival:
+            self._clock.repeated(received)
+            self._tell()
             self._drop(Fault.FROZEN_PTS)
             return None
         self._pts = picture.pts
         capture, jumped = self._clock.stamp(picture.time, received)
+        self._tell()
         if jumped:
             self._count("pts_jump")
         if received - capture > self._config.max_age_s:
@@ -190,6 +196,13 @@ class RtspSource:
         self._assembler.check_size(picture, self._name)
         self._good_s, self._trouble = self._arrived_s, Fault.READ_TIMEOUT
         return self._assembler.make(picture, Times(capture, received, self._wall()))
+
+    def _tell(self) -> None:
+        """What has just been found to be wrong with the camera's clock."""
+        if self._clock.news is not None:
+            self._count("clock")
+            _log.warning("%s: %s", self._name, self._clock.news)
+            self._clock.news = None
 
     def _drop(self, fault: Fault) -> None:
         self._trouble = fault
