@@ -25,7 +25,8 @@ def make_source(
     `encoding` is that of its frames. `count` is called for each event that costs or moves a
     frame but does not end the stream: `corrupt`, `stale`, `frozen_pts` (the frame is dropped),
     `pts_jump` (time stamps did not go on from the last ones), `clock` (they contradict the arrivals),
-    `slipped` (a paced file was read too slowly and goes on later). `sleep` paces files; it may return early to end a wait.
+    `slipped` (a paced file was read too slowly and goes on later). `sleep` paces files; it may return
+    early to end a wait.
     """
     # Each kind imports what it needs only: a simulated feed loads no FFmpeg.
     if config.kind == "simulated":
