@@ -165,6 +165,17 @@ class Bus:
                 worker, declare_subscriber(self._session, selector, worker, callback, history)
             )
 
+    def subscribe_others(self, key: str, name: str, callback: Callable[[str], None]) -> Handle:
+        """Call back with the name of each publisher but `name` that sends on a key; empty where it has none."""
+
+        def pass_on(sample: zenoh.Sample) -> None:
+            if (publisher := to_message(sample).publisher) != name:
+                callback(publisher)
+
+        with self._receiving(key) as worker:
+            subscriber = self._session.declare_subscriber(key, direct(queue(worker, pass_on)))
+            return self._received(worker, undeclares(subscriber))
+
     def subscribe_alarms(
         self, selector: str, callback: Callback, on_missed: Callable[[int], None] | None = None
     ) -> Handle:

@@ -2,8 +2,8 @@
 
 The header (version 1) is `{"v": 1, "clock": str, "seq": int, "capture_ns": int, "received_ns": int,
 "wall_ns": int, "size": [w, h], "crop": [x, y, w, h] | null, "reduction": 1 | 2 | 4 …, "encoding": "gray8" |
-"i420" | "bgr8" | "jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...], "thumb": [h, w] | null}`. A
-thumb, the whole picture small and gray, is the end of the payload, uncompressed. `encoding` is that of the payload,
+"i420" | "bgr8" | "jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...], "thumb": [h, w] | null,
+"source": str}`. `source` tells the publisher from all others of the key: 16 hexadecimal digits. A thumb, the whole picture small and gray, is the end of the payload, uncompressed. `encoding` is that of the payload,
 `pixels` and `shape` those of the array that comes out of decoding. `clock` names the monotonic clock
 of `capture_ns` and `received_ns`: under another name they cannot be compared with one's own clock.
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
@@ -26,6 +27,7 @@ WireEncoding = Literal["raw", "jpeg"]
 MAX_SIDE: Final = 16_384
 MAX_HEADER_BYTES: Final = 4_096
 _NS: Final = 1_000_000_000
+_SOURCE: Final = re.compile(rb'"source"\s*:\s*"([0-9a-f]{16})"')
 
 _Side = Annotated[int, Field(ge=1, le=MAX_SIDE)]
 _Offset = Annotated[int, Field(ge=0, lt=MAX_SIDE)]
@@ -52,6 +54,7 @@ class FrameHeader(BaseModel):
     pixels: Encoding
     shape: Annotated[tuple[_Length, ...], Field(min_length=2, max_length=3)]
     thumb: tuple[_ThumbSide, _ThumbSide] | None = None
+    source: Annotated[str, StringConstraints(pattern=r"^(?:[0-9a-f]{16})?$")] = ""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -84,15 +87,21 @@ class FrameHeader(BaseModel):
             raise MalformedMessage(Malformation.BAD_LENGTH)
 
 
-def encode_frame(frame: Frame, clock: str) -> tuple[bytes, bytes]:
+def encode_frame(frame: Frame, clock: str, source: str = "") -> tuple[bytes, bytes]:
     """Payload (raw pixels) and attachment; ValueError for a frame that contradicts itself."""
-    return frame.data.tobytes() + _thumb(frame), _header(frame, clock, frame.encoding)
+    return frame.data.tobytes() + _thumb(frame), _header(frame, clock, frame.encoding, source)
 
 
-def encode_jpeg(frame: Frame, quality: int, clock: str) -> tuple[bytes, bytes]:
+def encode_jpeg(frame: Frame, quality: int, clock: str, source: str = "") -> tuple[bytes, bytes]:
     """Payload (JPEG, quality 1 to 100) and attachment; ValueError for a frame that contradicts itself."""
-    header = _header(frame, clock, "jpeg")
+    header = _header(frame, clock, "jpeg", source)
     return jpeg.encode(frame.data, frame.encoding, quality) + _thumb(frame), header
+
+
+def source_of(attachment: bytes) -> str:
+    """Who says to have sent a frame, found without decoding its header; empty where nobody is named."""
+    match = _SOURCE.search(attachment)
+    return "" if match is None else match[1].decode()
 
 
 def decode_header(attachment: bytes) -> FrameHeader:
@@ -137,7 +146,7 @@ def decode_pixels(payload: bytes, header: FrameHeader) -> Frame:
     )
 
 
-def _header(frame: Frame, clock: str, encoding: str) -> bytes:
+def _header(frame: Frame, clock: str, encoding: str, source: str) -> bytes:
     _, _, w, h = frame.window
     w, h = w // frame.reduction, h // frame.reduction
     if frame.data.dtype != np.uint8 or frame.data.shape != _shape(frame.encoding, w, h):
@@ -160,6 +169,8 @@ def _header(frame: Frame, clock: str, encoding: str) -> bytes:
     }
     if frame.thumb is not None:
         header["thumb"] = frame.thumb.shape
+    if source:
+        header["source"] = source
     return json.dumps(header, separators=(",", ":")).encode()
 
 

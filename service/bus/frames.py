@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
+import uuid
 from collections import Counter
+from collections.abc import Callable
 from typing import cast
 
 import zenoh
@@ -16,6 +18,8 @@ from lumpwatch.service.core import Frame
 
 SHARED_MEMORY_MIB = 36
 """What the two processes of one camera take of shared memory."""
+HANDOVER_S = 2.0
+"""A publisher that has been silent for so long gives way to another one of the same key."""
 
 
 class FramePublisher(Handle):
@@ -25,6 +29,8 @@ class FramePublisher(Handle):
         self, frames: zenoh.Publisher, pictures: zenoh.Publisher | None, clock: str, jpeg_quality: int
     ) -> None:
         super().__init__()
+        self.name = uuid.uuid4().hex[:16]
+        """Tells this publisher from all others of the key."""
         self._frames = frames
         self._pictures = pictures
         self._clock = clock
@@ -48,13 +54,15 @@ class FramePublisher(Handle):
         """
         try:
             if wire_encoding == "raw":
-                payload, header = codec.encode_frame(frame, self._clock)
+                payload, header = codec.encode_frame(frame, self._clock, self.name)
             else:
-                payload, header = codec.encode_jpeg(frame, self._quality, self._clock)
+                payload, header = codec.encode_jpeg(frame, self._quality, self._clock, self.name)
             self._frames.put(payload, attachment=header)
             if self._pictures is not None and self.picture_wanted:
                 if picture is not None or wire_encoding == "raw":
-                    payload, header = codec.encode_jpeg(picture or frame, self._quality, self._clock)
+                    payload, header = codec.encode_jpeg(
+                        picture or frame, self._quality, self._clock, self.name
+                    )
                 self._pictures.put(payload, attachment=header)
         except zenoh.ZError as error:
             raise BusClosed("bus: closed while a frame was published") from error
@@ -65,9 +73,13 @@ class FrameInbox(Handle):
 
     Older frames are overwritten unseen (`skipped`), malformed ones are counted by reason and dropped.
     A payload is copied and decoded only when it is taken.
+
+    A key has one publisher. While the one that is listened to sends, frames of another are refused and counted
+    (`foreign`): two cameras under one name would make one picture of two. When it has been silent for
+    `HANDOVER_S`, the next one takes its place.
     """
 
-    def __init__(self, clock: str) -> None:
+    def __init__(self, clock: str, now: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
         self.skipped = 0
         """Frames overwritten before they were taken."""
@@ -77,6 +89,13 @@ class FrameInbox(Handle):
         """Whether the last frame's times are on the monotonic clock of this host; None before the first."""
         self.through_shared_memory: bool | None = None
         """Whether the last frame came through shared memory; None before the first."""
+        self.foreign = 0
+        """Frames refused because another publisher of the key is listened to."""
+        self.source: str | None = None
+        """The publisher that is listened to; None before the first frame, empty for one without a name."""
+        self._heard_s = 0.0
+        self._proved = False
+        self._now = now
         self._clock = clock
         self._slot: zenoh.Sample | None = None
         self._closed = False
@@ -87,9 +106,14 @@ class FrameInbox(Handle):
         deadline = time.monotonic() + timeout_s
         while (sample := self._next(deadline)) is not None:
             try:
-                return self._decode(sample)
+                frame = self._decode(sample)
             except MalformedMessage as error:
                 self.malformed[error.reason] += 1
+                if not self._proved:  # who has sent nothing good keeps nobody out
+                    self.source = None
+            else:
+                self._proved = True
+                return frame
         return None
 
     def close(self) -> None:
@@ -102,12 +126,25 @@ class FrameInbox(Handle):
 
     def receive(self, sample: zenoh.Sample) -> None:
         """Take a sample in (for the bus only): in a network thread nothing but a swap may happen."""
+        attachment = sample.attachment
+        known = attachment is not None and len(attachment) <= codec.MAX_HEADER_BYTES
+        source = codec.source_of(attachment.to_bytes()) if attachment is not None and known else None
         with self._changed:
-            if self._closed:
+            if self._closed or (source is not None and not self._listens_to(source)):
                 return
             self.skipped += self._slot is not None
             self._slot = sample
             self._changed.notify()
+
+    def _listens_to(self, source: str) -> bool:
+        now = self._now()
+        if source != self.source:
+            if self.source is not None and now - self._heard_s < HANDOVER_S:
+                self.foreign += 1
+                return False
+            self.source, self._proved = source, False
+        self._heard_s = now
+        return True
 
     def _next(self, deadline: float) -> zenoh.Sample | None:
         with self._changed:

@@ -65,6 +65,12 @@ class Trouble(StrEnum):
     """The last proof test failed."""
     PROOF_OVERDUE = "proof_overdue"
     """The proof tests that the configuration asks for have not come to a result for too long."""
+    SECOND_SOURCE = "second_source"
+    """A second publisher sends frames under the name of the camera; they are refused."""
+    SECOND_MONITOR = "second_monitor"
+    """A second monitor announces under the name of the camera."""
+    EVENT_LOG = "event_log"
+    """The event log is not written, or was replaced by another."""
 
 
 class LipReason(StrEnum):

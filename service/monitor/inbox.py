@@ -28,6 +28,11 @@ class Inbox:
         self._far_clock = StreamClock()
         self._counted: dict[str, int] = {}
 
+    @property
+    def foreign(self) -> int:
+        """Frames of other publishers of the key, refused so far."""
+        return self._frames.foreign
+
     def take(self, timeout_s: float) -> Frame | None:
         """The newest frame that was not taken yet; None after `timeout_s`."""
         frame = self._frames.take(timeout_s)
@@ -37,7 +42,7 @@ class Inbox:
 
     def count_losses(self) -> None:
         """Count what is new of the frames that newer ones replaced, and of malformed messages, by reason."""
-        counts = {"skipped": self._frames.skipped}
+        counts = {"skipped": self._frames.skipped, "second_source": self._frames.foreign}
         counts |= {f"malformed_{reason}": count for reason, count in dict(self._frames.malformed).items()}
         for reason, count in counts.items():
             if (new := count - self._counted.get(reason, 0)) > 0:

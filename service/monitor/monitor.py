@@ -33,6 +33,7 @@ from lumpwatch.service.monitor.heartbeat import LastDecision, heartbeat
 from lumpwatch.service.monitor.inbox import Inbox
 from lumpwatch.service.monitor.proof.chain import Site
 from lumpwatch.service.monitor.proofs import Proofs
+from lumpwatch.service.monitor.rivals import Rivals
 from lumpwatch.service.monitor.shadow_runner import ShadowRunner
 from lumpwatch.service.monitor.verdict_handler import verdict_handler
 from lumpwatch.service.protocol import EvidenceRequest, PriorRequest, ProofRequest
@@ -115,6 +116,7 @@ class Monitor:
         self._keys = Keys(config.site)
         self._inbox = Inbox(bus.frame_inbox(self._keys.frame(camera_id)), metrics.dropped, self._now)
         self._heartbeat = bus.publisher(self._keys.heartbeat(camera_id))
+        self._rivals = Rivals(camera_id, self._now)
         self._proofs = make_proofs(self._proof_site())
         self._announcer = Announcer(
             site=config.site,
@@ -149,6 +151,8 @@ class Monitor:
         self._publish(self._pipeline.poll(self._now()))
         self._commands.serve(self._bus, self._keys, self._camera.id, self._rois)
         self._bus.alive(self._keys.alive("monitor", self._camera.id))
+        heartbeats = self._keys.heartbeat(self._camera.id)
+        self._bus.subscribe_others(heartbeats, self._heartbeat.name, self._rivals.monitor)
         self._artifacts.start()
         while not self._daemon.stop.is_set():
             self._daemon.beat()
@@ -298,6 +302,8 @@ class Monitor:
         self._metrics.picture.shifted(used.version if used else 0, shift.shift_px, shift.follows)
 
     def _update_troubles(self) -> None:
+        self._rivals.frames(self._inbox.foreign)
+        of_camera = self._rivals.troubles()
         for roi in self._rois:
-            for trouble, present in self._proofs.troubles(roi).items():
+            for trouble, present in (*self._proofs.troubles(roi).items(), *of_camera.items()):
                 self._pipeline.trouble(roi, trouble, present=present)

@@ -170,8 +170,6 @@ def test_a_publisher_without_a_jpeg_key_makes_no_picture(hub: Bus) -> None:
 
 def test_malformed_messages_are_counted_and_the_next_good_frame_arrives(hub: Bus, client: Bus) -> None:
     inbox = client.frame_inbox(KEY)
-    publisher = hub.frame_publisher(KEY)
-    repeat(lambda: publisher.publish(gray(0)), lambda: taken(inbox))
     payload, header = codec.encode_frame(gray(1), "elsewhere")
     stranger = zenoh.Config()
     for name, value in {"mode": "client", "connect/endpoints": list(hub.endpoints)}.items():
@@ -186,6 +184,7 @@ def test_malformed_messages_are_counted_and_the_next_good_frame_arrives(hub: Bus
         (payload, header.replace(b'"encoding":"gray8"', b'"encoding":"jpeg"'), Malformation.BAD_JPEG),
     ]
     with zenoh.open(stranger) as session:
+        repeat(lambda: session.put(KEY, payload, attachment=header), lambda: taken(inbox))
         for data, attachment, reason in junk:
             before = inbox.malformed[reason]
             session.put(KEY, data, attachment=attachment)

@@ -41,6 +41,7 @@ class FakeInbox:
         self.skipped = 0
         self.malformed: dict[str, int] = {}
         self.same_clock = True
+        self.foreign = 0
         self.script: list[Callable[[], Frame | None]] = []
         self._link = daemon
 
@@ -77,6 +78,7 @@ class FakeBus:
         self.queryables: list[str] = []
         self.subscriptions: dict[str, Callable[[str, bytes], None]] = {}
         self.tokens: list[str] = []
+        self.others: dict[str, Callable[[str], None]] = {}
         self.inbox = FakeInbox(daemon)
 
     def frame_inbox(self, key: str) -> FakeInbox:
@@ -95,6 +97,10 @@ class FakeBus:
 
     def subscribe(self, selector: str, callback: Callable[[str, bytes], None]) -> Handle:
         self.subscriptions[selector] = callback
+        return Handle()
+
+    def subscribe_others(self, key: str, name: str, callback: Callable[[str], None]) -> Handle:
+        self.others[key] = callback
         return Handle()
 
     def alive(self, key: str) -> Handle:

@@ -250,6 +250,16 @@ def test_what_a_proof_test_found_is_the_system_alarm(world: World) -> None:
     assert (raised["change"], raised["reason"]) == ("raised", "proof_test")
 
 
+def test_a_second_camera_or_monitor_of_the_same_name_is_the_system_alarm(world: World) -> None:
+    def rival() -> None:
+        world.bus.inbox.foreign += 20
+        world.bus.others["lumpwatch/v1/pit/cam/heartbeat"]("b" * 16)
+
+    world.run(*show(world, 2.0, bright=False), then(rival), *show(world, 5.0, bright=False))
+    raised = [one["data"] for one in world.bus.of("alarm") if one["data"]["class"] == "system"]
+    assert raised[0]["reason"] == "second_monitor, second_source"
+
+
 def test_commands_that_are_not_about_an_alarm(world: World) -> None:
     answers: dict[str, Any] = {}
 
