@@ -3,7 +3,8 @@
 The header (version 1) is `{"v": 1, "clock": str, "seq": int, "capture_ns": int, "received_ns": int,
 "wall_ns": int, "size": [w, h], "crop": [x, y, w, h] | null, "reduction": 1 | 2 | 4 …, "encoding": "gray8" |
 "i420" | "bgr8" | "jpeg", "pixels": "gray8" | "i420" | "bgr8", "shape": [...], "thumb": [h, w] | null,
-"source": str}`. `source` tells the publisher from all others of the key: 16 hexadecimal digits. A thumb, the whole picture small and gray, is the end of the payload, uncompressed. `encoding` is that of the payload,
+"source": str}`. `source` tells the publisher from all others of the key: 16 hexadecimal digits. A thumb, the whole
+picture small and gray, is the end of the payload, uncompressed. `encoding` is that of the payload,
 `pixels` and `shape` those of the array that comes out of decoding. `clock` names the monotonic clock
 of `capture_ns` and `received_ns`: under another name they cannot be compared with one's own clock.
 """
@@ -43,7 +44,7 @@ class FrameHeader(BaseModel):
 
     v: Literal[1]
     clock: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
-    seq: Annotated[int, Field(ge=0, lt=2**63)]
+    seq: Annotated[int, Field(ge=0, lt=2**53)]
     capture_ns: _Nanoseconds
     received_ns: _Nanoseconds
     wall_ns: _Nanoseconds

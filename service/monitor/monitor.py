@@ -81,6 +81,7 @@ class Monitor:
         self._bus = bus
         self._daemon = daemon
         self._metrics = metrics
+        self._events = events
         self._evidence = evidence
         self._clocks = clocks
         self._lock = threading.Lock()  # what operators and the plant ask arrives in threads of the bus
@@ -303,7 +304,7 @@ class Monitor:
 
     def _update_troubles(self) -> None:
         self._rivals.frames(self._inbox.foreign)
-        of_camera = self._rivals.troubles()
+        of_camera = {**self._rivals.troubles(), Trouble.EVENT_LOG: self._events.trouble}
         for roi in self._rois:
             for trouble, present in (*self._proofs.troubles(roi).items(), *of_camera.items()):
                 self._pipeline.trouble(roi, trouble, present=present)

@@ -7,9 +7,8 @@ from lumpwatch.service.storage.event_log import (
     EventLogError,
     alarm_of,
     event_file,
-    read_events,
-    reading,
 )
+from lumpwatch.service.storage.event_log_reader import read_events, reading
 from lumpwatch.service.storage.event_log_writer import EventWriter, Retention
 from lumpwatch.service.storage.event_notes import (
     Span,

@@ -26,7 +26,7 @@ from lumpwatch.service.storage.event_notes import Note
 from lumpwatch.service.storage.retention import prune
 
 _CORRUPT = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
-_BUSY_S = 1.0
+BUSY_S = 1.0
 _PAGES_AT_ONCE = 256
 """Of 4 KiB, that are given back to the disk after a pruning: a long wait would hold up an alarm."""
 
@@ -54,8 +54,8 @@ _INSERT = (
     f"INSERT INTO events ({', '.join(_COLUMNS)}) VALUES ({', '.join('?' * len(_COLUMNS))}) "
     "ON CONFLICT (roi, id) DO NOTHING"
 )
-_SELECT = f"SELECT {', '.join(_COLUMNS)} FROM events"
-_SELECT_1 = f"SELECT {', '.join(_COLUMNS[:-1])}, NULL FROM events"
+SELECT = f"SELECT {', '.join(_COLUMNS)} FROM events"
+SELECT_1 = f"SELECT {', '.join(_COLUMNS[:-1])}, NULL FROM events"
 """Of a log that no daemon of this version has opened yet."""
 
 
@@ -113,6 +113,22 @@ def is_refused(error: Exception) -> bool:
     return isinstance(error, (ValueError, TypeError, OverflowError))
 
 
+_NOWHERE = (0, 0)
+
+
+def _identity(path: Path) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Device and number of the file and of its journal. Raises OSError."""
+    return _place(path), _place(path.with_name(f"{path.name}-wal"))
+
+
+def _place(path: Path) -> tuple[int, int]:
+    try:
+        status = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return _NOWHERE
+    return status.st_dev, status.st_ino
+
+
 class _Foreign(sqlite3.DatabaseError):
     """A database that is not an event log of this version."""
 
@@ -122,9 +138,10 @@ class EventLog:
 
     def __init__(self, path: Path, *, check: bool = True) -> None:
         """Open the file, made where missing; `check` reads it all for damage first."""
+        self._path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         # One thread at a time uses it: the one that opens it, then the writer.
-        self._db = sqlite3.connect(path, timeout=_BUSY_S, isolation_level=None, check_same_thread=False)
+        self._db = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
         try:
             self._prepare(check=check)
         except BaseException:
@@ -149,10 +166,30 @@ class EventLog:
             self._db.execute("PRAGMA auto_vacuum = INCREMENTAL")
             self._db.execute("VACUUM")
         self._db.execute(_RECORDS)
+        self._identity = _identity(self._path)
 
     def close(self) -> None:
         """Close the file."""
         self._db.close()
+
+    def in_place(self) -> bool:
+        """Whether the file, with its journal, still lies where it was opened. Raises OSError."""
+        file, journal = _identity(self._path)
+        if self._identity[1] == _NOWHERE:  # it comes with the first access
+            self._identity = (self._identity[0], journal)
+        return self._identity == (file, journal)
+
+    def checkpoint(self) -> None:
+        """Bring what the journal holds into the file."""
+        self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def put_back(self) -> None:
+        """Write all that the removed file holds to its old place; it can be read as long as it is open."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        for suffix in ("-wal", "-shm"):
+            self._path.with_name(self._path.name + suffix).unlink(missing_ok=True)
+        with contextlib.closing(sqlite3.connect(self._path, timeout=BUSY_S)) as new:
+            self._db.backup(new)
 
     def append(self, entries: Collection[Entry]) -> None:
         """Write events and their records, all or none; they are on the disk when this returns."""
@@ -215,9 +252,9 @@ class EventLog:
     def latest(self) -> list[Event]:
         """The last event of each ROI and class; what cannot be understood is damage."""
         numbers = "SELECT max(number) FROM events GROUP BY roi, class"
-        rows = self._db.execute(f"{_SELECT} WHERE number IN ({numbers}) ORDER BY number").fetchall()
+        rows = self._db.execute(f"{SELECT} WHERE number IN ({numbers}) ORDER BY number").fetchall()
         try:
-            return [_event(row) for row in rows]
+            return [event_of(row) for row in rows]
         except (ValueError, TypeError, KeyError) as error:
             raise _Foreign(f"holds an event that is none of ours ({error})") from error
 
@@ -233,35 +270,6 @@ class EventLog:
             raise
 
 
-def read_events(path: Path, since_s: float | None = None) -> Iterator[Event]:
-    """All events since a wall-clock time, oldest first, also while a daemon writes them.
-
-    Opens the file read-only. Raises EventLogError.
-    """
-    since = "" if since_s is None else "WHERE time_s >= ?"
-    arguments = () if since_s is None else (since_s,)
-    with reading(path) as db:
-        (version,) = db.execute("PRAGMA user_version").fetchone()
-        select = _SELECT_1 if version == 1 else _SELECT
-        for row in db.execute(f"{select} {since} ORDER BY number", arguments):
-            yield _event(row)
-
-
-@contextlib.contextmanager
-def reading(path: Path) -> Iterator[sqlite3.Connection]:
-    """The file open for reading only. Raises EventLogError for whatever goes wrong within, too."""
-    if not path.is_file():
-        raise EventLogError(f"{path}: there is no event log (nothing has happened yet, or another store)")
-    # Without a journal nobody writes, and a folder that cannot be written could not take one either.
-    mode = "mode=ro" if path.with_name(path.name + "-wal").exists() else "mode=ro&immutable=1"
-    try:
-        db = sqlite3.connect(f"{path.absolute().as_uri()}?{mode}", uri=True, timeout=_BUSY_S)
-        with contextlib.closing(db):
-            yield db
-    except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
-        raise EventLogError(f"{path}: cannot be read ({error})") from error
-
-
 def _row(event: Event) -> tuple[object, ...]:
     """In the order of `_COLUMNS`, which is that of the fields."""
     return (
@@ -271,7 +279,8 @@ def _row(event: Event) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _event(row: tuple[Any, ...]) -> Event:
+def event_of(row: tuple[Any, ...]) -> Event:
+    """A row of `SELECT`; raises ValueError, TypeError or KeyError for anything else."""
     values = list(row)
     values[5], values[15] = AlarmClass(values[5]), alarm_of(values[15])
     values[16] = {} if values[16] is None else dict(json.loads(values[16]))

@@ -3,6 +3,9 @@
 `write` hands over a batch and waits until it is on the disk, but for `WAIT_S` at the most: an alarm is
 on the disk before it is on the bus, unless the disk is in trouble. While it is, `write` does not wait at
 all; batches wait in memory, up to `MOST_WAITING` events, and are written once the disk takes them again.
+A file that was removed while it was open is put back where it was, with all that it held; one that was replaced by
+another goes on with the present state. What nobody has thought of ends no thread: it is logged, counted (`failed`),
+and the batch set aside. `trouble` says whether alarms are not being recorded, or were not a moment ago.
 A damaged file is moved aside under a name of its own and a new one begins, with the present state. Damage is
 what SQLite calls so, and what was read and is none of ours. A row whose values no file would take is set aside
 alone: it is counted and named in the log, and all others are written.
@@ -14,6 +17,7 @@ import contextlib
 import logging
 import sqlite3
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,14 +36,20 @@ from lumpwatch.service.storage.event_log import (
     event_file,
     is_corrupt,
     is_refused,
-    read_events,
 )
+from lumpwatch.service.storage.event_log_reader import read_events
 from lumpwatch.service.storage.event_notes import Note
 
 log = logging.getLogger(__name__)
 
 WAIT_S = 0.25
 RETRY_S = 5.0
+LOOK_S = 2.0
+"""How often an idle log looks whether its file is still where it was."""
+TOLD_S = 30.0
+"""So long after a problem of the log its trouble stands."""
+_MOST_ABANDONED = 8
+_TROUBLES = ("corrupt", "unwritable", "lost", "refused", "removed", "replaced", "failed")
 MOST_WAITING = 10_000
 _CLOSE_S = 1.5
 PRUNE_EVERY_S = 3600.0
@@ -54,7 +64,7 @@ class EventObserver(Protocol):
         """Events are on the disk."""
 
     def event_problem(self, reason: str, count: int = 1) -> None:
-        """`corrupt`, `unwritable`, `late`, `lost` or `refused`."""
+        """`corrupt`, `unwritable`, `late`, `lost`, `refused`, `removed`, `replaced` or `failed`."""
 
     def events_waiting(self, count: int) -> None:
         """Events that are not on the disk yet."""
@@ -85,6 +95,7 @@ class EventWriter:
         most_waiting: int = MOST_WAITING,
         open_log: Callable[[Path, bool], EventLog] = lambda path, check: EventLog(path, check=check),
         retention: Retention | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Opens and reads the log; never raises for what is wrong with it."""
         self._path = event_file(store, camera)
@@ -95,6 +106,10 @@ class EventWriter:
         self._open_log = open_log
         self._retention = retention
         self._log: EventLog | None = None
+        self._abandoned: deque[EventLog] = deque(maxlen=_MOST_ABANDONED)
+        self._clock = clock
+        self._trouble_s: float | None = None
+        self._pruned_s = clock() - PRUNE_EVERY_S
         self._last_problem = ""
         self._latest: dict[tuple[str, AlarmClass], Event] = {}
         self.unpublished: list[tuple[str, str, bytes]] = []
@@ -124,6 +139,14 @@ class EventWriter:
             found[roi] = max(found.get(roi, 0), event.sequence)
         return found
 
+    @property
+    def trouble(self) -> bool:
+        """Whether alarms are not recorded now, or something was wrong with the log a moment ago."""
+        told = self._trouble_s
+        return (
+            self._ill or not self._thread.is_alive() or (told is not None and self._clock() - told < TOLD_S)
+        )
+
     def write(self, entries: Sequence[Entry]) -> bool:
         """Whether the events are on the disk now; returns within `WAIT_S`."""
         return self._hand_over(Batch(tuple(entries)))
@@ -135,7 +158,7 @@ class EventWriter:
     def _hand_over(self, batch: Batch, wait: bool = True) -> bool:
         with self._wake:
             if self._waiting + batch.rows > self._most_waiting:
-                self._observer.event_problem("lost", batch.rows)
+                self._problem("lost", batch.rows)
                 return False
             self._waiting += batch.rows
             self._batches.append(batch)
@@ -143,7 +166,7 @@ class EventWriter:
             if self._ill or not wait:
                 return False
         if not batch.done.wait(WAIT_S):
-            self._observer.event_problem("late")
+            self._problem("late")
             with self._wake:
                 self._ill = not batch.written  # whoever comes next need not wait, until the thread is through
         return batch.written
@@ -166,38 +189,85 @@ class EventWriter:
         pruning = True
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._batches or self._closed, 0.0 if pruning else PRUNE_EVERY_S)
+                self._wake.wait_for(lambda: self._batches or self._closed, 0.0 if pruning else LOOK_S)
                 if not self._batches and self._closed:
                     break
                 batch = self._batches[0] if self._batches else None
             if batch is None:
-                self._removed = 0
-                if self._log is not None and self._retention is not None:
-                    self._attempt(self._prune)
-                pruning = self._removed >= PRUNE_AT_ONCE
-                continue
-            if self._attempt(lambda batch=batch: self._store_what_can_be(batch)):  # type: ignore[misc]
-                with self._wake:
-                    self._batches.popleft()
-                    self._waiting -= batch.rows
-                    self._ill = False
-                    batch.finish(written=not batch.refused)
-                self._observer.events_written(max(len(batch.entries) - batch.refused, 0))
-                self._observer.events_waiting(self._waiting)
-                continue
-            with self._wake:
-                self._ill = True
-                for waiting in self._batches:
-                    waiting.finish(written=False)
-                if self._closed:
-                    break
-                self._observer.events_waiting(self._waiting)
-                self._wake.wait_for(lambda: self._closed, self._retry_s)
+                pruning = (
+                    self._log is not None and self._attempt(self._keep_up) and self._removed >= PRUNE_AT_ONCE
+                )
+            elif not self._work_off(batch):
+                break
         if self._log is not None:
             self._log.close()
 
-    def _attempt(self, work: Callable[[], None]) -> bool:
-        """Do something with the file; a damaged one is replaced, and the work done on the new one."""
+    def _work_off(self, batch: Batch) -> bool:
+        """Write the oldest batch, or wait a little where that cannot be; False: the end was asked for meanwhile."""
+        if self._attempt(lambda: self._store_what_can_be(batch), batch):
+            with self._wake:
+                self._batches.popleft()
+                self._waiting -= batch.rows
+                self._ill = False
+                batch.finish(written=not batch.refused)
+            self._observer.events_written(max(len(batch.entries) - batch.refused, 0))
+            self._observer.events_waiting(self._waiting)
+            return True
+        with self._wake:
+            self._ill = True
+            for waiting in self._batches:
+                waiting.finish(written=False)
+            if self._closed:
+                return False
+            self._observer.events_waiting(self._waiting)
+            self._wake.wait_for(lambda: self._closed, self._retry_s)
+        return True
+
+    def _keep_up(self) -> None:
+        """What is to be done while nothing waits: look where the file is, forget what is old."""
+        self._find_again()
+        if self._clock() - self._pruned_s >= PRUNE_EVERY_S or self._removed >= PRUNE_AT_ONCE:
+            self._pruned_s, self._removed = self._clock(), 0
+            self._prune()
+
+    def _find_again(self) -> None:
+        """Where somebody has removed or replaced the file under us, go on with the one that lies there."""
+        if self._log is None or self._log.in_place():
+            return
+        # It is left open: closing would remove the journal that lies beside the file, which may be another's.
+        old, self._log = self._log, None
+        self._abandoned.append(old)
+        with contextlib.suppress(sqlite3.Error):
+            old.checkpoint()
+        if self._path.exists():
+            self._problem("replaced")
+            log.error(
+                "event log %s: was replaced by another file, which goes on with the present state", self._path
+            )
+        else:
+            self._problem("removed")
+            log.error("event log %s: was removed; it is put back with all that it held", self._path)
+            try:
+                old.put_back()
+            except sqlite3.Error as error:
+                log.error("event log %s: only the present state can be put back: %s", self._path, error)  # noqa: TRY400
+        self._open_with_state()
+
+    def _open_with_state(self) -> EventLog:
+        opened = self._log = self._open_log(self._path, False)
+        opened.copy(self._latest.values())
+        return opened
+
+    def _problem(self, reason: str, count: int = 1) -> None:
+        self._observer.event_problem(reason, count)
+        if reason in _TROUBLES:
+            self._trouble_s = self._clock()
+
+    def _attempt(self, work: Callable[[], None], batch: Batch | None = None) -> bool:
+        """Do something with the file; a damaged one is replaced, and the work done on the new one.
+
+        What nobody expected sets the batch aside, and is through with it.
+        """
         for _ in range(2):
             try:
                 work()
@@ -207,6 +277,15 @@ class EventWriter:
                 self._tell("corrupt" if damaged else "unwritable", error)
                 if not damaged or not self._move_aside():
                     return False
+            except Exception:
+                log.exception(
+                    "event log %s: %s failed", self._path, batch.name if batch else "looking after it"
+                )
+                self._drop()
+                self._problem("failed", max(batch.rows, 1) if batch else 1)
+                if batch is not None:
+                    batch.refused = max(batch.rows, 1)
+                return batch is not None
             else:
                 if self._last_problem:
                     log.info("%s: written again", self._path)
@@ -228,7 +307,7 @@ class EventWriter:
                     batch.refused += part.refused
                 return
             batch.refused = max(batch.rows, 1)
-            self._observer.event_problem("refused", batch.refused)
+            self._problem("refused", batch.refused)
             log.error(  # noqa: TRY400 - the line says it all
                 "event log %s: %s cannot be written and will not be tried again: %s",
                 self._path,
@@ -250,19 +329,22 @@ class EventWriter:
             log.warning("%s; all alarms begin as NORMAL", error)
 
     def _store(self, batch: Batch) -> None:
-        if self._log is None:
-            new = not self._path.exists()
-            self._log = self._open_log(self._path, False)
-            if new:
-                self._log.copy(self._latest.values())
+        self._find_again()
+        opened = self._open()
         if batch.entries:
-            self._log.append(batch.entries)
+            opened.append(batch.entries)
             events = (entry.event for entry in batch.entries)
             self._latest |= {(event.roi, event.alarm_class): event for event in events}
         if batch.notes:
-            self._log.add(batch.notes)
+            opened.add(batch.notes)
         if batch.sent:
-            self._log.published(batch.sent)
+            opened.published(batch.sent)
+
+    def _open(self) -> EventLog:
+        """The log; a file that was not there begins with the present state."""
+        if self._log is None and self._path.exists():
+            self._log = self._open_log(self._path, False)
+        return self._log or self._open_with_state()
 
     def _prune(self) -> None:
         """One step of retention, so short that no alarm waits for it."""
@@ -296,7 +378,7 @@ class EventWriter:
         return True
 
     def _tell(self, reason: str, error: Exception) -> None:
-        self._observer.event_problem(reason)
+        self._problem(reason)
         text = f"{self._path}: {reason}: {error}"
         if text != self._last_problem:  # once, not with every attempt
             log.error("event log %s; detection and the bus go on", text)

@@ -15,7 +15,8 @@ class RecordMetrics:
         )
         self._event_problems = Counter(
             "lumpwatch_event_log_problems",
-            "Trouble with the event log; reason is corrupt, unwritable, late (slow disk), lost or refused (set aside).",
+            "Trouble with the event log; reason is corrupt, unwritable, late (slow disk), lost, refused (set aside), "
+            "removed or replaced (under the daemon) or failed.",
             ("camera", "reason"),
             registry=registry,
         )
@@ -70,7 +71,9 @@ class RecordMetrics:
             self._evidence_problems.labels(camera, reason)
         for reason in ("age", "space"):
             self._evidence_removed.labels(camera, reason)
-        for reason in ("corrupt", "unwritable", "late", "lost", "refused"):
+        for reason in (
+            "corrupt", "unwritable", "late", "lost", "refused", "removed", "replaced", "failed",
+        ):  # fmt: skip
             self._event_problems.labels(camera, reason)
 
     def events_written(self, count: int) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pytest
 
 from lumpwatch.service.bus import codec
+from lumpwatch.service.bus.errors import MalformedMessage
 from lumpwatch.service.bus.frames import HANDOVER_S, FrameInbox
 from tests.bus.test_bus_support import gray
 
@@ -16,7 +17,7 @@ A, B = "a" * 16, "b" * 16
 class _Bytes(bytes):
     """What zenoh hands over."""
 
-    def to_bytes(self) -> bytes:  # type: ignore[override]
+    def to_bytes(self) -> bytes:
         return bytes(self)
 
     def as_shm(self) -> None:
@@ -77,5 +78,5 @@ def test_who_sends_nothing_good_keeps_nobody_out() -> None:
 def test_a_forged_name_in_the_header_is_no_way_past_the_checks() -> None:
     _, header = codec.encode_frame(gray(0), "here", A)
     assert codec.decode_header(header).source == codec.source_of(header) == A
-    with pytest.raises(codec.MalformedMessage):
+    with pytest.raises(MalformedMessage):
         codec.decode_header(header.replace(A.encode(), b"X" * 16))

@@ -10,7 +10,8 @@ from typing import Any
 
 from lumpwatch.service.bus.client import Bus
 from lumpwatch.service.bus.keys import Keys, parse
-from lumpwatch.service.storage.event_log import event_file, read_events
+from lumpwatch.service.storage.event_log import event_file
+from lumpwatch.service.storage.event_log_reader import read_events
 from tests.integration.site import wait_for
 
 KEYS = Keys("test")

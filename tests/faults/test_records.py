@@ -23,7 +23,8 @@ import pytest
 from lumpwatch.service.bus.session import open_client
 from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.config import load_config
-from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
+from lumpwatch.service.storage.event_log_reader import read_events
 from lumpwatch.service.storage.prior_store import PriorStore
 from tests.bus.test_bus_support import Child, free_endpoint
 from tests.bus.tokens import Tokens

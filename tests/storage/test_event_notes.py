@@ -14,7 +14,8 @@ from lumpwatch.service.core.clock import Clocks
 from lumpwatch.service.monitor.uptime import UptimeRecorder
 from lumpwatch.service.monitor.verdict_handler import verdict_on
 from lumpwatch.service.protocol import VerdictRequest, read_request
-from lumpwatch.service.storage.event_log import Entry, EventLog, event_file, read_events, reading
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
+from lumpwatch.service.storage.event_log_reader import read_events, reading
 from lumpwatch.service.storage.event_log_writer import Retention
 from lumpwatch.service.storage.event_notes import (
     Span,
