@@ -28,6 +28,7 @@ STANDING_S = 2.0
 """Stamps that stand still for so long while pictures come are not believed."""
 _BUCKET_S = 0.5
 _LEAST_BUCKETS = 8
+_TOLD_BUCKETS = 20
 _MOST_BUCKETS = 60
 _APART = 4
 """Buckets between two of which a slope is taken."""
@@ -56,7 +57,15 @@ class CameraClock:
         """Whether its stamps are not believed, and pictures count as captured when they arrive."""
         self.news: str | None = None
         """What was last found to be wrong, in words; whoever tells it sets it back to None."""
-        self._forget()
+        self._told_s = 1.0
+        self._buckets: deque[_Fast] = deque(maxlen=_MOST_BUCKETS)
+        self._fastest: _Fast | None = None
+        self._bucket_end_s = float("-inf")
+        self._began_s: float | None = None
+        self._seen: float | None = None
+        self._pts: float | None = None
+        self._true = 0.0
+        self._stands_s: float | None = None
 
     def restart(self) -> None:
         """The next frame belongs to a new connection: measured anew, at the rate known so far until then."""
@@ -85,14 +94,9 @@ class CameraClock:
             self._distrust("its time stamps stand still")
 
     def _forget(self) -> None:
-        self._buckets: deque[_Fast] = deque(maxlen=_MOST_BUCKETS)
-        self._fastest: _Fast | None = None
-        self._bucket_end_s = float("-inf")
-        self._began_s: float | None = None
-        self._seen: float | None = None
-        self._pts: float | None = None
-        self._true = 0.0
-        self._stands_s: float | None = None
+        self._buckets.clear()
+        self._fastest, self._bucket_end_s = None, float("-inf")
+        self._began_s = self._seen = self._pts = self._stands_s = None
 
     def _observe(self, pts_s: float, received_s: float) -> None:
         """Measure the rate with one more arrival."""
@@ -106,6 +110,7 @@ class CameraClock:
             if self._fastest is not None:
                 self._buckets.append(self._fastest)
                 self._judge(received_s)
+                self._tell_rate()
             self._fastest, self._bucket_end_s = None, received_s + _BUCKET_S
         if self._fastest is None or received_s - pts_s < self._fastest.received_s - self._fastest.pts_s:
             self._fastest = _Fast(pts_s, received_s)
@@ -122,12 +127,17 @@ class CameraClock:
             second_s = 1.0
         if abs(second_s - self.second_s) < LEAST / 2 or not self._straight(second_s):
             return
-        if abs(second_s - self.second_s) > LEAST:
-            share = round(abs(1 / second_s - 1.0) * 100)
-            way = "slow" if second_s > 1.0 else "fast"
-            self.news = f"its clock runs {share} % {way}" if share else "its clock runs right"
         self.second_s = second_s
         self._clock.restart()  # what it took for a delay was the rate
+
+    def _tell_rate(self) -> None:
+        """Once it is well known: what a connection begins with, such as a burst, bends the first seconds."""
+        if len(self._buckets) < _TOLD_BUCKETS or abs(self.second_s - self._told_s) <= LEAST:
+            return
+        self._told_s = self.second_s
+        share = round(abs(1 / self.second_s - 1.0) * 100)
+        way = "slow" if self.second_s > 1.0 else "fast"
+        self.news = f"its clock runs {share} % {way}" if share else "its clock runs right"
 
     def _slope(self) -> float:
         """Seconds that a second of the camera lasts."""
