@@ -12,7 +12,7 @@ ORACLE := trackeval==1.3.0
 
 # What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, and
 # the means to lose packets and to step a clock.
-SYSTEM_PACKAGES := prometheus prometheus-alertmanager iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
+SYSTEM_PACKAGES := chromium prometheus prometheus-alertmanager iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
 	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
 
 # What the tests of the container need on top. `make test` does not install it: with the base to build from
@@ -100,7 +100,7 @@ docs: setup ## the generated part of the documentation
 lock: setup ## resolve the dependencies anew
 	$(BIN)/uv pip compile --quiet pyproject.toml --group dev --all-extras --universal --python-version 3.11 \
 		--generate-hashes --no-header --no-emit-find-links --output-file requirements.lock
-	$(BIN)/uv pip compile --quiet pyproject.toml --extra service --extra plot --universal --python-version 3.11 --constraint requirements.lock \
+	$(BIN)/uv pip compile --quiet pyproject.toml --extra service --extra plot --extra console --universal --python-version 3.11 --constraint requirements.lock \
 		--generate-hashes --no-header --no-emit-find-links --output-file deploy/container/requirements.lock
 
 sbom: setup ## what the image is made of, as CycloneDX, into build/sbom.json

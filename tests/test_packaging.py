@@ -41,9 +41,10 @@ def test_every_package_is_listed() -> None:
 
 def test_data_files_are_listed() -> None:
     listed = {
-        (ROOT / name.removeprefix("lumpwatch.").replace(".", "/") / file).relative_to(ROOT)
+        path.relative_to(ROOT)
         for name, files in PROJECT["tool"]["setuptools"]["package-data"].items()
         for file in files
+        for path in (ROOT / name.removeprefix("lumpwatch.").replace(".", "/")).glob(file)
     }
     found = {
         path.relative_to(ROOT)

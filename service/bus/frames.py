@@ -116,6 +116,21 @@ class FrameInbox(Handle):
                 return frame
         return None
 
+    def take_jpeg(self, timeout_s: float) -> tuple[int, int, int, bytes] | None:
+        """Like `take`, on a key of JPEG pictures: number of the frame, width, height, and the JPEG as it came."""
+        deadline = time.monotonic() + timeout_s
+        while (sample := self._next(deadline)) is not None:
+            try:
+                header = self._header(sample)
+            except MalformedMessage as error:
+                self.malformed[error.reason] += 1
+                continue
+            if header.encoding != "jpeg" or header.thumb is not None:
+                self.malformed[Malformation.BAD_HEADER] += 1
+                continue
+            return header.seq, header.size[0], header.size[1], sample.payload.to_bytes()
+        return None
+
     def close(self) -> None:
         """Stop listening and wake the consumer; idempotent."""
         with self._changed:
@@ -158,7 +173,7 @@ class FrameInbox(Handle):
             sample, self._slot = self._slot, None
             return sample
 
-    def _decode(self, sample: zenoh.Sample) -> Frame:
+    def _header(self, sample: zenoh.Sample) -> codec.FrameHeader:
         attachment = sample.attachment
         if attachment is None:
             raise MalformedMessage(Malformation.NO_HEADER)
@@ -166,6 +181,10 @@ class FrameInbox(Handle):
             raise MalformedMessage(Malformation.HEADER_TOO_LONG)
         header = codec.decode_header(attachment.to_bytes())
         header.check_length(len(sample.payload))
+        return header
+
+    def _decode(self, sample: zenoh.Sample) -> Frame:
+        header = self._header(sample)
         frame = codec.decode_pixels(sample.payload.to_bytes(), header)
         self.same_clock = header.clock == self._clock
         self.through_shared_memory = sample.payload.as_shm() is not None

@@ -18,6 +18,8 @@ from lumpwatch.service.errors import LumpwatchError
 
 _MODULES = {
     "run": ("run",),
+    "console": ("console",),
+    "users": ("users",),
     "health": ("health",),
     "demo": ("demo",),
     "replay": ("replay",),
@@ -41,6 +43,8 @@ _MODULES = {
     "deploy": ("deploy",),
 }
 """Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
+_OF_CONSOLE = ("anyio", "jinja2", "starlette", "uvicorn")
+"""What the extra `console` brings."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -69,8 +73,9 @@ def _module(name: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("lumpwatch"):
             raise
+        extra = "console" if error.name.partition(".")[0] in _OF_CONSOLE else "service"
         raise LumpwatchError(
-            f"the package {error.name} is missing, which the command needs: pip install 'lumpwatch[service]'"
+            f"the package {error.name} is missing, which the command needs: pip install 'lumpwatch[{extra}]'"
         ) from error
 
 

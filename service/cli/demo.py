@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import multiprocessing
 import os
+import signal
 import tempfile
 import threading
 import time
 from collections import Counter
 from importlib.resources import as_file, files
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from rich.console import Console
@@ -28,6 +32,7 @@ FEED = "lumps_per_minute=4&dust=0.25"
 SEED = 10  # a lump comes early, and between two lumps the belt is clear
 CAMERA, ROI = "crusher-1", "apron"
 _EVERY_S = 2.0
+_PAGE_S = 20.0
 
 
 def add(commands: Commands) -> None:
@@ -53,6 +58,7 @@ site: demo
 bus: {{mode: router, listen: ["tcp/127.0.0.1:0"]}}
 store: {{path: "{store}"}}
 telemetry: {{listen: "127.0.0.1:0"}}
+console: {{listen: "127.0.0.1:0", anonymous: engineer}}
 cameras:
   - id: {CAMERA}
     source: {{url: "sim:feed?{FEED}", seed: {seed}}}
@@ -74,12 +80,66 @@ def demo(arguments: argparse.Namespace) -> int:
         config = parse_config(text, "demo configuration")
         console.print("[bold]The configuration of this demo:[/bold]")
         console.print(text, markup=False, soft_wrap=True)
+        file = Path(folder) / "site.yaml"
+        file.write_text(text, encoding="utf-8")
         with as_file(files("lumpwatch.service.simulator") / "demo.prior") as prior:
             PriorStore(config.store.path).save(read_file(prior))
         follower = _Follower(config, console, arguments.seconds, stop)
-        run_daemon(config, stop, on_ready=follower.start)
+        with contextlib.ExitStack() as page:
+
+            def begin(addresses: Addresses) -> None:
+                page.enter_context(contextlib.closing(_Page(config, file, addresses, console)))
+                follower.start(addresses)
+
+            run_daemon(config, stop, on_ready=begin)
         follower.join()
     return follower.summary()
+
+
+class _Page:
+    """The operator's console in a process of its own, as `lumpwatch console` would be."""
+
+    def __init__(self, config: SiteConfig, file: Path, addresses: Addresses, console: Console) -> None:
+        bus = BusConfig(mode="client", connect=addresses.bus)
+        ours, theirs = multiprocessing.get_context("spawn").Pipe()
+        self._connection = ours
+        self._process = multiprocessing.get_context("spawn").Process(
+            target=_serve, args=(config.model_copy(update={"bus": bus}), file, theirs), name="console"
+        )
+        self._process.start()
+        theirs.close()
+        try:
+            said = ours.recv() if ours.poll(_PAGE_S) else "does not start"
+        except EOFError:
+            said = "has ended"
+        console.print(
+            f"console  [bold]{said}[/bold]   (open it in a browser; A acknowledges)", soft_wrap=True
+        )
+
+    def close(self) -> None:
+        """End it; it also ends by itself when this process is gone."""
+        self._connection.close()
+        self._process.join(timeout=10.0)
+        if self._process.is_alive():
+            self._process.kill()
+
+
+def _serve(config: SiteConfig, file: Path, connection: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the demo says when it ends
+    stop = threading.Event()
+
+    def wait() -> None:
+        with contextlib.suppress(EOFError, OSError):
+            connection.recv()
+        stop.set()
+
+    threading.Thread(target=wait, name="end", daemon=True).start()
+    try:
+        from lumpwatch.service.console import run_console
+    except ModuleNotFoundError as error:
+        connection.send(f"needs {error.name}: pip install 'lumpwatch[console]'")
+        return
+    run_console(config, file, stop, connection.send)
 
 
 class _Follower:

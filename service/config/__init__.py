@@ -5,6 +5,7 @@ from lumpwatch.service.config.base import NotNegative, Positive, PositiveSeconds
 from lumpwatch.service.config.bus import AccessConfig, BusConfig, TlsConfig
 from lumpwatch.service.config.calibration import CalibrationConfig
 from lumpwatch.service.config.cameras import CameraConfig, LatencyConfig, RoiConfig
+from lumpwatch.service.config.console import ConsoleConfig, UserRole
 from lumpwatch.service.config.detector import DetectorConfig
 from lumpwatch.service.config.evidence import EvidenceConfig, ShiftsConfig
 from lumpwatch.service.config.jdt import (
@@ -41,6 +42,7 @@ __all__ = [
     "CameraConfig",
     "CheckConfig",
     "ConditionAlarmConfig",
+    "ConsoleConfig",
     "DetectorConfig",
     "EvidenceConfig",
     "ExistenceConfig",
@@ -69,6 +71,7 @@ __all__ = [
     "TelemetryConfig",
     "TlsConfig",
     "Unit",
+    "UserRole",
     "Zone",
     "config_schema",
     "load_config",

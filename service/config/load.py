@@ -33,7 +33,10 @@ def load_config(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConf
     config = parse_config(text, str(path), environ, path.parent)
     store = config.store.model_copy(update={"path": path.parent / config.store.path})
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
-    return config.model_copy(update={"store": store, "bus": config.bus.model_copy(update={"tls": tls})})
+    bus = config.bus.model_copy(update={"tls": tls})
+    return config.model_copy(
+        update={"store": store, "bus": bus, "console": config.console.under(path.parent)}
+    )
 
 
 def read_text(path: Path) -> str:

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from lumpwatch.service.config.base import Id, PositiveSeconds, Strict
 from lumpwatch.service.config.bus import BusConfig
 from lumpwatch.service.config.cameras import CameraConfig
+from lumpwatch.service.config.console import ConsoleConfig
 from lumpwatch.service.config.evidence import Days, EvidenceConfig, ShiftsConfig
 
 
@@ -64,6 +65,8 @@ class SiteConfig(Strict):
     """Clips of the frames around an alarm."""
     shifts: ShiftsConfig = ShiftsConfig()
     """When shifts begin, for reports."""
+    console: ConsoleConfig = ConsoleConfig()
+    """The operator's console, a process of its own."""
     cameras: Annotated[tuple[CameraConfig, ...], Field(min_length=1, max_length=64)]
     """The cameras that this daemon watches."""
 

@@ -6,6 +6,8 @@ import os
 import tempfile
 from pathlib import Path
 
+_FOR_ALL = 0o644  # what one user trains, a daemon under another must read
+
 
 def write_new_file(path: Path, content: bytes) -> bool:
     """Write a file that must not exist yet; False where it does.
@@ -24,9 +26,9 @@ def write_new_file(path: Path, content: bytes) -> bool:
     return True
 
 
-def replace_file(path: Path, content: bytes) -> None:
+def replace_file(path: Path, content: bytes, mode: int = _FOR_ALL) -> None:
     """Write a file in place of the one that may be there. Raises OSError."""
-    temporary = _temporary(path, content)
+    temporary = _temporary(path, content, mode)
     try:
         temporary.replace(path)
     except OSError:
@@ -35,11 +37,11 @@ def replace_file(path: Path, content: bytes) -> None:
     _flush_folder(path.parent)
 
 
-def _temporary(path: Path, content: bytes) -> Path:
+def _temporary(path: Path, content: bytes, mode: int = _FOR_ALL) -> Path:
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(handle, "wb") as file:
-            os.fchmod(handle, 0o644)  # what one user trains, a daemon under another must read
+            os.fchmod(handle, mode)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

@@ -1,0 +1,62 @@
+"""`lumpwatch users`: who may use the console."""
+
+from __future__ import annotations
+
+import argparse
+import getpass
+import sys
+from pathlib import Path
+
+from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.config import UserRole, load_config
+from lumpwatch.service.console import UserFile, UsersError
+from lumpwatch.service.errors import ConfigError
+
+
+def add(commands: Commands) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands,
+        "users",
+        users,
+        "List, add, change or remove the users of the console. The password is asked for, or read from standard "
+        "input where that is no terminal; a running console follows at once.",
+        "lumpwatch users site.yaml add anna --role operator",
+    )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("what", choices=("list", "add", "role", "remove"), help="what to do")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="the user (add, role, remove)")
+    parser.add_argument(
+        "--role", choices=[role.label for role in UserRole], help="what the user may do (add, role)"
+    )
+
+
+def users(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if (arguments.what == "list") != (arguments.name is None):
+        raise ConfigError(f"users {arguments.what} {'takes no' if arguments.name else 'needs a'} NAME")
+    if (arguments.what in ("add", "role")) != (arguments.role is not None):
+        raise ConfigError("users add and users role need --role, and only they do")
+    config = load_config(arguments.config)
+    if config.console.users is None:
+        raise ConfigError(f"{arguments.config}: console.users: names no file")
+    file = UserFile(config.console.users)
+    if arguments.what == "list":
+        for user in file.all():
+            sys.stdout.write(f"{user.name}  {user.role.label}\n")
+    elif arguments.what == "add":
+        file.put(arguments.name, _password(arguments.name), UserRole.named(arguments.role))
+    elif arguments.what == "role":
+        file.set_role(arguments.name, UserRole.named(arguments.role))
+    else:
+        file.remove(arguments.name)
+    return 0
+
+
+def _password(name: str) -> str:
+    if not sys.stdin.isatty():
+        return sys.stdin.readline().rstrip("\n")
+    password = getpass.getpass(f"Password of {name}: ")
+    if getpass.getpass("Again: ") != password:
+        raise UsersError("the two passwords differ")
+    return password

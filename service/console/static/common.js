@@ -1,0 +1,128 @@
+// What every page has: the feed, the strip with the most urgent alarm, sound, keys, and a watch over itself.
+import { body, call, mark, may, place, say, toast } from "./dom.js";
+import { Feed, waiting } from "./feed.js";
+import { Sound } from "./sound.js";
+
+const byId = (id) => document.getElementById(id);
+export const feed = new Feed();
+const sound = new Sound(byId("sound"));
+const strip = byId("strip");
+// A page may say which alarm its keys mean; else it is the most urgent one.
+export const selection = { current: null, keys: {} };
+let urgent = null;
+
+export const region = (alarm) => `/api/v1/cameras/${encodeURIComponent(alarm.camera)}/rois/${encodeURIComponent(alarm.roi)}`;
+
+export async function command(alarm, name, given = {}) {
+  try {
+    const done = await call(`${region(alarm)}/commands/${name}`, "POST", { class: alarm.class, ...given });
+    toast(`${place(alarm)} ${alarm.class}: ${done.changes?.length ? done.changes.join(", ") : "nothing to do"}`);
+    return done;
+  } catch (error) {
+    toast(`${place(alarm)}: ${error.message}`, true);
+    return null;
+  }
+}
+
+// Asks for a reason, and for how long where it ends by itself.
+export function ask(title, alarm, lasts) {
+  const dialog = byId("shelve");
+  const form = dialog.querySelector("form");
+  form.reset();
+  dialog.querySelector("h2").textContent = title;
+  dialog.querySelector(".target").textContent = `${place(alarm)}, ${alarm.class}`;
+  dialog.querySelector(".until").hidden = !lasts;
+  dialog.querySelector("button.primary").textContent = title;
+  dialog.returnValue = "";
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => {
+      if (dialog.returnValue !== "do") return resolve(null);
+      const given = { reason: form.elements.reason.value };
+      if (lasts) given.for_s = Number(form.elements.for_s.value);
+      return resolve(given);
+    }, { once: true });
+  });
+}
+
+export async function shelve(alarm) {
+  const given = await ask("Shelve", alarm, true);
+  if (given) await command(alarm, "shelve", given);
+}
+
+export async function out(alarm) {
+  const given = await ask("Take out of service", alarm, false);
+  if (given) await command(alarm, "service", { state: "out", ...given });
+}
+
+export function evidence(alarm) {
+  const id = alarm.raised?.evidence;
+  if (id) location.href = `/evidence/${encodeURIComponent(alarm.camera)}/${encodeURIComponent(alarm.roi)}/${id}`;
+  else toast("There is no evidence of this alarm.");
+}
+
+function sentence(alarm) {
+  const size = alarm.raised?.longest_mm ? `, ${Math.round(alarm.raised.longest_mm)} mm` : "";
+  const why = alarm.class !== "lump" && alarm.last?.reason ? `, ${alarm.last.reason}` : "";
+  const words = { lump: "LUMP", blind: "BLIND", system: "SYSTEM" };
+  return `${words[alarm.class]} ${place(alarm)}${size}${why}${alarm.state === "RETURNED" ? " (over)" : ""}`;
+}
+
+function show() {
+  const waits = waiting(feed);
+  urgent = waits[0] ?? null;
+  const silent = feed.regions().filter((one) => feed.status(one) === "SILENT");
+  const link = byId("link");
+  const linked = feed.linked();
+  link.classList.toggle("gone", !linked);
+  say(link, linked ? "connected" : feed.snapshot ? `no connection for ${Math.floor(feed.quietest ?? 0)} s` : "no connection");
+  const active = waits.find((one) => one.state === "UNACKNOWLEDGED");
+  const kind = active ? (active.class === "lump" ? "lump" : "blind") : silent.length && feed.snapshot ? "silent" : "";
+  sound.wanted(kind);
+  strip.hidden = !urgent && !(silent.length && feed.snapshot);
+  strip.className = `strip ${urgent ? urgent.class : "silent"}`;
+  const text = urgent ? sentence(urgent) : silent.length ? `SILENT ${place(silent[0])}: ${feed.news(silent[0])}` : "";
+  say(strip.querySelector(".what"), text);
+  mark(strip.querySelector(".mark"), urgent ? { lump: "LUMP", blind: "BLIND", system: "SYSTEM" }[urgent.class] : "SILENT");
+  say(strip.querySelector(".more"), waits.length > 1 ? `and ${waits.length - 1} more` : "");
+  const button = strip.querySelector("button");
+  button.hidden = !urgent;
+  button.disabled = !may("operator");
+  // For screen readers: once when it changes, without running seconds.
+  say(byId("said"), urgent ? text : silent.length && feed.snapshot ? `SILENT ${silent.map(place).join(", ")}` : "");
+}
+feed.listeners.push((one) => { one.quietest = performance.now() / 1000 - one.told; });
+feed.listeners.push(show);
+
+// If this script hangs or dies, what stands on the page is old: then an animation, which needs no script, covers it.
+const cover = byId("stopped");
+cover.hidden = false;
+const watch = cover.animate([{ opacity: 0 }, { opacity: 0, offset: 0.95 }, { opacity: 1 }], { duration: 6000, fill: "forwards" });
+setInterval(() => { watch.currentTime = 0; }, 1000);
+
+strip.querySelector("button").addEventListener("click", () => urgent && command(urgent, "ack"));
+byId("help").addEventListener("click", () => byId("keys").showModal());
+byId("logout")?.addEventListener("click", async () => {
+  await call("/logout", "POST");
+  location.href = "/login";
+});
+
+const KEYS = {
+  a: () => { const alarm = selection.current ?? urgent; if (alarm && may("operator")) command(alarm, "ack"); },
+  s: () => { const alarm = selection.current ?? urgent; if (alarm && may("operator")) shelve(alarm); },
+  r: () => { const alarm = selection.current ?? urgent; if (alarm && may("operator")) command(alarm, "reset"); },
+  e: () => { const alarm = selection.current ?? urgent; if (alarm) evidence(alarm); },
+  n: () => sound.toggle(),
+  o: () => { location.href = "/"; },
+  l: () => { location.href = "/alarms"; },
+  "?": () => byId("keys").showModal(),
+};
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector("dialog[open]")) return;
+  if (event.target.closest("input, textarea, select")) return;
+  const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  const act = selection.keys[name] ?? KEYS[name];
+  if (!act) return;
+  if (act(event) !== false) event.preventDefault();
+});

@@ -1,0 +1,1 @@
+// The page for logging in needs no script.

@@ -1,0 +1,65 @@
+// All regions, worst first.
+import { feed, selection } from "./common.js";
+import { make, mark, place, say, set } from "./dom.js";
+import { largest, soonest, worst } from "./feed.js";
+
+const list = document.getElementById("tiles");
+const tiles = new Map();
+
+function tile(region) {
+  const key = place(region);
+  if (!tiles.has(key)) {
+    const parts = {
+      where: make("a", { class: "where", href: `/cameras/${encodeURIComponent(region.camera)}` }, key),
+      mark: make("span", { class: "mark" }), text: make("span", {}), detail: make("p", { class: "detail" }), alarm: make("p", { class: "alarm" }),
+    };
+    const item = make("li", { class: "tile" }, parts.where, make("p", { class: "word" }, parts.mark, parts.text), parts.detail, parts.alarm);
+    tiles.set(key, { item, ...parts });
+  }
+  return tiles.get(key);
+}
+
+const WHY = {
+  starting: "no picture yet", unfit: "region does not fit the picture", no_stream: "no picture comes", stale: "pictures come late", filter: "the filter fails",
+  overload: "too slow to judge", frozen: "picture does not change", dark: "too dark", glare: "glare", moved: "camera has moved", dusty: "dust", hidden: "view is covered", blurred: "blurred", exposure: "exposure jumped",
+};
+
+function detail(region, status) {
+  if (status === "SILENT") return feed.news(region);
+  if (status === "BLIND") return WHY[region.state.reason] ?? region.state.reason ?? "";
+  if (status === "CLEAR") return "";
+  const size = largest(region)?.size?.longest_mm;
+  const lip = soonest(region);
+  return [size ? `${Math.round(size)} mm` : "", lip === null ? "" : `${Math.max(0, lip).toFixed(1)} s to the lip`].filter(Boolean).join(" · ");
+}
+
+function show() {
+  const regions = worst(feed);
+  list.classList.toggle("few", regions.length <= 4);
+  regions.forEach((region, i) => {
+    const one = tile(region);
+    const status = feed.status(region);
+    const stands = region.alarms.filter((alarm) => alarm.state !== "NORMAL");
+    const about = stands.find((alarm) => alarm.class === status.toLowerCase());
+    set(one.item, "data-status", status);
+    set(one.item, "data-unacked", stands.some((alarm) => alarm.state === "UNACKNOWLEDGED"));
+    set(one.item, "data-acked", about && about.state !== "UNACKNOWLEDGED");
+    mark(one.mark, status);
+    say(one.text, status);
+    say(one.detail, detail(region, status));
+    say(one.alarm, stands.map((alarm) => `${alarm.class}: ${alarm.state.replaceAll("_", " ")}`).join(" · "));
+    if (list.children[i] !== one.item) {
+      const focused = document.activeElement;
+      list.insertBefore(one.item, list.children[i] ?? null);
+      if (focused && one.item.contains(focused)) focused.focus();
+    }
+  });
+}
+feed.listeners.push(show);
+
+function step(by) {
+  const links = [...list.querySelectorAll("a.where")];
+  const at = links.indexOf(document.activeElement);
+  links[Math.min(links.length - 1, Math.max(0, at < 0 ? 0 : at + by))]?.focus();
+}
+selection.keys = { ArrowDown: () => step(1), ArrowRight: () => step(1), ArrowUp: () => step(-1), ArrowLeft: () => step(-1) };

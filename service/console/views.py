@@ -1,0 +1,146 @@
+"""The pages: HTML by the server, which JavaScript modules fill with what comes over the API."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qs
+
+import anyio
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from lumpwatch.service.config import UserRole
+from lumpwatch.service.console.context import Context
+from lumpwatch.service.console.guard import Guard, problem
+from lumpwatch.service.console.users import User, UsersError
+
+_MOST_FORM = 4096
+NAV = (("/", "Overview", "overview"), ("/alarms", "Alarms", "alarms"))
+"""Pages in the header: address, text, name."""
+_HASHES = 2
+
+
+class Views:
+    """All pages."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._hashes = anyio.Semaphore(_HASHES)  # 32 MiB and 0.1 s each
+
+    def routes(self) -> list[Route]:
+        """Their part of the application."""
+        return [
+            Route("/", self.overview),
+            Route("/login", self.login),
+            Route("/login", self.log_in, methods=["POST"]),
+            Route("/logout", self.log_out, methods=["POST"]),
+            Route("/cameras/{camera}", self.live),
+            Route("/alarms", self.alarms),
+            Route("/evidence/{camera}/{roi}/{id}", self.evidence),
+        ]
+
+    def page(self, request: Request, name: str, status: int = 200, **values: object) -> Response:
+        """A page of `pages/`."""
+        user: User | None = request.scope["user"]
+        session = request.scope["session"]
+        config = self._context.config
+        text = self._context.templates.get_template(f"{name}.html").render(
+            site=config.site,
+            cameras=config.cameras,
+            user=user,
+            may_operate=user is not None and user.role >= UserRole.OPERATOR,
+            may_change=user is not None and user.role >= UserRole.ENGINEER,
+            can_log_in=self._context.users is not None,
+            csrf=session.csrf if session else "",
+            page=name,
+            nav=[("/", "Overview", "overview"), *self._live_links(), *NAV[1:]],
+            **values,
+        )
+        return HTMLResponse(text, status)
+
+    def _live_links(self) -> list[tuple[str, str, str]]:
+        return [(f"/cameras/{self._context.config.cameras[0].id}", "Live", "live")]
+
+    async def overview(self, request: Request) -> Response:
+        """All regions, worst first."""
+        return self.page(request, "overview")
+
+    async def live(self, request: Request) -> Response:
+        """One camera."""
+        try:
+            camera = self._context.config.camera(request.path_params["camera"])
+        except KeyError:
+            return self.missing(request)
+        shape = {
+            roi.id: {
+                "polygon": roi.polygon,
+                "lip": roi.calibration.lip if roi.calibration else None,
+                "limit_mm": roi.calibration.limit_mm if roi.calibration else None,
+                "raise_above": roi.alarm.raise_above,
+            }
+            for roi in camera.rois
+        }
+        return self.page(request, "live", camera=camera, shape=shape)
+
+    async def alarms(self, request: Request) -> Response:
+        """The list of alarms."""
+        return self.page(request, "alarms")
+
+    async def evidence(self, request: Request) -> Response:
+        """A clip with its curve, and the verdict."""
+        names = {name: request.path_params[name] for name in ("camera", "roi", "id")}
+        try:
+            self._context.config.camera(names["camera"]).roi(names["roi"])
+        except KeyError:
+            return self.missing(request)
+        return self.page(request, "evidence", where=names)
+
+    def missing(self, request: Request) -> Response:
+        """What is not there."""
+        return self.page(request, "missing", 404)
+
+    async def login(self, request: Request) -> Response:
+        """Name and password."""
+        if self._context.users is None:
+            return RedirectResponse("/", 303) if request.scope["user"] else self.missing(request)
+        return self.page(request, "login", error="")
+
+    async def log_in(self, request: Request) -> Response:
+        """Judge name and password; a new session for who may come in."""
+        users, session = self._context.users, request.scope["session"]
+        if users is None:
+            return problem(404, "this console has no users of its own")
+        content = bytearray()
+        async for piece in request.stream():
+            content += piece
+            if len(content) > _MOST_FORM:
+                return problem(413, "the form is too large")
+        form = parse_qs(content.decode("utf-8", "replace"), max_num_fields=8)
+        name, password, token = (form.get(field, [""])[0] for field in ("name", "password", "csrf"))
+        if session is None or token != session.csrf:
+            return RedirectResponse("/login", 303)
+        address = request.client.host if request.client else ""
+        who = (f"name {name[:64]}", f"address {address}")
+        if (wait_s := self._context.throttle.wait_s(*who)) > 0:
+            text = f"Too many attempts. Try again in {wait_s:.0f} s."
+            return self.page(request, "login", 429, error=text)
+        try:
+            async with self._hashes:
+                user = await anyio.to_thread.run_sync(users.check, name, password)
+        except UsersError:
+            return self.page(request, "login", 503, error="The file of users cannot be read.")
+        if user is None:
+            self._context.throttle.failed(*who)
+            return self.page(request, "login", 401, error="Name or password is wrong.")
+        self._context.throttle.succeeded(*who)
+        self._context.sessions.end(session.token)
+        answer = RedirectResponse("/", 303)
+        guard: Guard = request.app.state.guard
+        answer.headers.append("Set-Cookie", guard.set_cookie(self._context.sessions.begin(user)))
+        return answer
+
+    async def log_out(self, request: Request) -> Response:
+        """End the session."""
+        if request.scope["session"] is not None:
+            self._context.sessions.end(request.scope["session"].token)
+        return Response(status_code=204)

@@ -1,0 +1,156 @@
+"""Who may do what, against a real console on a real bus."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lumpwatch.service.config import UserRole
+from lumpwatch.service.console import UserFile
+from tests.bus.test_bus_support import eventually
+from tests.console.plant import Client, Console, Plant
+
+ACK = "/api/v1/cameras/cam/rois/apron/commands/ack"
+PASSWORD = "correct horse"
+
+
+@pytest.fixture(scope="module")
+def console(plant: Plant, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
+    folder = tmp_path_factory.mktemp("console")
+    users = UserFile(folder / "users.json")
+    for name, role in (("vera", UserRole.VIEWER), ("otto", UserRole.OPERATOR), ("emma", UserRole.ENGINEER)):
+        users.put(name, PASSWORD, role)
+    proxy = '{trusted: ["127.0.0.2"]}'
+    with Console(plant, folder, f'{{listen: "127.0.0.1:0", users: users.json, proxy: {proxy}}}') as console:
+        yield console
+
+
+def logged_in(console: Console, name: str) -> Client:
+    client = Client(console.url)
+    assert client.log_in(name, PASSWORD) == 303
+    return client
+
+
+def test_nobody_gets_in_without_a_login(console: Console) -> None:
+    client = Client(console.url)
+    for path in ("/", "/alarms", "/cameras/cam"):
+        status, headers, _ = client.ask("GET", path)
+        assert (status, headers["location"]) == (303, "/login")
+    for path in ("/api/v1/state", "/api/v1/stream", "/api/v1/cameras/cam/picture"):
+        assert client.ask("GET", path)[0] == 401
+    assert client.ask("GET", "/", X_Forwarded_User="emma")[0] == 303, "a header of an unknown proxy counts"
+
+
+def test_pages_carry_a_policy_and_a_cookie_that_scripts_cannot_read(console: Console) -> None:
+    _, headers, _ = Client(console.url).ask("GET", "/login")
+    policy = headers["content-security-policy"]
+    assert "script-src 'self'" in policy
+    assert "unsafe" not in policy
+    assert "frame-ancestors 'none'" in policy
+    assert {"HttpOnly", "SameSite=Strict"} <= {part.strip() for part in headers["set-cookie"].split(";")}
+    assert headers["x-content-type-options"] == "nosniff"
+
+
+def test_an_operator_acknowledges_over_the_bus_by_name(console: Console, plant: Plant) -> None:
+    plant.deeds.clear()
+    status, reply = logged_in(console, "otto").post(ACK, {"class": "lump", "actor": "someone else"})
+    assert (status, reply["alarm"]) == (200, "ACKNOWLEDGED")
+    assert plant.deeds.pop() == ("ack", {"class": "lump", "actor": "otto"})
+
+
+def test_a_viewer_cannot_act(console: Console, plant: Plant) -> None:
+    plant.deeds.clear()
+    client = logged_in(console, "vera")
+    for name in ("ack", "reset", "shelve", "service", "verdict", "proof"):
+        status, reply = client.post(ACK.replace("ack", name), {"class": "lump"})
+        assert status == 403, name
+        assert "viewer" in reply["error"]
+    assert not plant.deeds
+
+
+def test_signals_of_the_plant_are_no_deeds_of_people(console: Console) -> None:
+    client = logged_in(console, "emma")
+    for name in ("suppress", "evidence", "prior", "nonsense"):
+        assert client.post(ACK.replace("ack", name), {})[0] == 404
+
+
+def test_forged_requests_are_refused(console: Console, plant: Plant) -> None:
+    plant.deeds.clear()
+    client = logged_in(console, "otto")
+    body = json.dumps({"class": "lump"})
+    assert client.ask("POST", ACK, body)[0] == 403, "without a token"
+    assert client.ask("POST", ACK, body, X_CSRF_Token="x" * 43)[0] == 403
+    other = {"Origin": "http://evil.example", "X-CSRF-Token": client.csrf}
+    assert client.ask("POST", ACK, body, **other)[0] == 403
+    assert client.ask("GET", "/", Host="evil.example")[0] == 421, "a name that was bound to this address"
+    assert not plant.deeds
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ("{", 400),
+        ("[]", 400),
+        ('{"class": "moon"}', 422),
+        ('{"class": "lump", "x": 1}', 422),
+        ("x" * 2_000_000, 400),
+    ],
+)
+def test_bad_requests_are_named(console: Console, body: str, status: int) -> None:
+    client = logged_in(console, "otto")
+    found, _, text = client.ask("POST", ACK, body, X_CSRF_Token=client.csrf)
+    assert (found, bool(json.loads(text)["error"])) == (status, True)
+
+
+def test_logins_are_throttled_and_the_right_password_does_not_help_at_once(console: Console) -> None:
+    client = Client(console.url)
+    found = [client.log_in("mallory", "wrong password") for _ in range(6)]
+    assert found == [401] * 5 + [429]
+    assert client.log_in("mallory", PASSWORD) == 429
+    eventually(lambda: Client(console.url).log_in("otto", PASSWORD) == 303, 10.0)
+
+
+def test_who_is_removed_is_out_at_once(console: Console) -> None:
+    users = UserFile(console.config.parent / "users.json")
+    users.put("gone", PASSWORD, UserRole.OPERATOR)
+    client = logged_in(console, "gone")
+    assert client.ask("GET", "/api/v1/me")[0] == 200
+    users.remove("gone")
+    assert client.ask("GET", "/api/v1/me")[0] == 401
+
+
+def test_logging_out_ends_the_session(console: Console) -> None:
+    client = logged_in(console, "otto")
+    kept = client.cookie
+    assert client.ask("POST", "/logout", X_CSRF_Token=client.csrf)[0] == 204
+    assert client.ask("GET", "/api/v1/me", Cookie=kept)[0] == 401
+
+
+def test_pictures_come_with_what_was_decided_of_that_frame(console: Console) -> None:
+    client = logged_in(console, "vera")
+    found: list[tuple[int, dict[str, str]]] = []
+
+    def decided() -> bool:
+        status, headers, _ = client.ask("GET", "/api/v1/cameras/cam/picture")
+        found.append((status, headers))
+        return status == 200 and bool(json.loads(headers["x-lumpwatch-frame"])["states"])
+
+    eventually(decided, 10.0)
+    about = json.loads(found[-1][1]["x-lumpwatch-frame"])
+    assert about["size"] == [160, 120]
+    assert about["states"]["apron"]["state"] in ("CLEAR", "LUMP")
+    assert client.ask("GET", "/api/v1/cameras/moon/picture")[0] == 404
+
+
+def test_files_of_the_package_are_all_that_is_served(console: Console, tmp_path: Path) -> None:
+    client = logged_in(console, "emma")
+    for path in (
+        "/static/../server.py",
+        "/static/%2e%2e/server.py",
+        "/static/..%2fserver.py",
+        "/static//etc/passwd",
+    ):
+        assert client.ask("GET", path)[0] == 404

@@ -1,0 +1,147 @@
+"""What a person sees and does, in Debian's Chromium."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.bus.test_bus_support import eventually
+from tests.console.plant import Console, Plant
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = shutil.which("chromium")
+AXE = Path(__file__).with_name("axe.min.js")
+TEXT = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
+VALID_S = 2.0
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Debian's chromium is not installed")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox", "--autoplay-policy=user-gesture-required"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def console(plant: Plant, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Console]:
+    with Console(
+        plant, tmp_path_factory.mktemp("console"), '{listen: "127.0.0.1:0", anonymous: engineer}'
+    ) as console:
+        yield console
+
+
+@pytest.fixture
+def page(browser: Browser, console: Console, plant: Plant) -> Iterator[Page]:
+    plant.state, plant.reason = "CLEAR", None
+    plant.alarms.update(lump="NORMAL", blind="NORMAL", system="NORMAL")
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    wrong: list[str] = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text) if "Content Security" in said.text else None)
+    page.goto(console.url, wait_until="commit")
+    page.wait_for_selector(".tile[data-status=CLEAR]")
+    yield page
+    page.close()
+    assert not wrong
+
+
+def status(page: Page, expected: str, within_s: float = 5.0) -> None:
+    page.wait_for_selector(f".tile[data-status={expected}]", timeout=1000 * within_s)
+
+
+def test_an_operator_sees_a_lump_hears_it_and_acknowledges_by_keyboard(page: Page, plant: Plant) -> None:
+    plant.deeds.clear()
+    page.click("#sound")
+    plant.state = "LUMP"
+    plant.raise_alarm()
+    status(page, "LUMP")
+    assert "812 mm" in page.inner_text(".tile .detail")
+    assert "3.1 s" in page.inner_text(".tile .detail")
+    page.wait_for_selector("#sound[data-sounding=lump]")
+    assert "LUMP cam / apron" in page.inner_text("#said")
+    page.keyboard.press("a")
+    eventually(lambda: list(plant.deeds), 5.0)
+    assert plant.deeds[0] == ("ack", {"class": "lump", "actor": "console"})
+    page.wait_for_selector("#strip", state="hidden")
+    page.wait_for_selector("#sound[data-sounding='']")
+
+
+def test_a_server_that_hangs_makes_the_page_silent_and_it_catches_up(page: Page, console: Console) -> None:
+    console.freeze()
+    try:
+        status(page, "SILENT", VALID_S + 1.0)
+        assert "no news for" in page.inner_text(".tile .detail")
+    finally:
+        console.resume()
+    status(page, "CLEAR", 10.0)
+
+
+def test_a_monitor_that_is_gone_makes_the_page_silent(page: Page, plant: Plant) -> None:
+    page.goto(page.url + "cameras/cam", wait_until="commit")
+    page.wait_for_selector("#view[data-decided=apron]")
+    plant.beating.clear()
+    try:
+        page.wait_for_selector(".view.silent", timeout=1000 * (VALID_S + 1.0))
+        page.wait_for_selector(".region[data-status=SILENT]")
+        assert page.inner_text(".veil").startswith("SILENT: no news for")
+    finally:
+        plant.beating.set()
+    page.wait_for_selector(".region[data-status=CLEAR]", timeout=10_000)
+    page.wait_for_selector(".view:not(.silent)")
+
+
+def test_blind_says_why_and_sounds_otherwise(page: Page, plant: Plant) -> None:
+    page.click("#sound")
+    plant.state, plant.reason = "BLIND", "dusty"
+    plant.raise_alarm("blind", reason="dusty")
+    status(page, "BLIND")
+    assert page.inner_text(".tile .detail") == "dust"
+    page.wait_for_selector("#sound[data-sounding=blind]")
+
+
+def test_shelving_asks_why_and_stays_in_sight(page: Page, plant: Plant) -> None:
+    plant.deeds.clear()
+    plant.raise_alarm()
+    page.goto(page.url + "alarms", wait_until="commit")
+    page.wait_for_selector("#alarms tbody tr.lump")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("s")
+    page.fill("#shelve input[name=reason]", TEXT)
+    page.keyboard.press("Enter")
+    eventually(lambda: list(plant.deeds), 5.0)
+    name, given = plant.deeds[0]
+    assert (name, given["reason"], given["for_s"]) == ("shelve", TEXT, 900.0)
+    page.wait_for_selector("#held tbody tr.lump")
+    page.select_option("select[name=class]", "blind")
+    assert page.is_visible("#held tbody tr.lump"), "a filter hides what is shelved"
+    assert TEXT in page.inner_text("#held tbody"), "text from outside is shown as it is"
+    assert "taken" not in page.title()
+    assert not page.query_selector_all("#main img, #main script")
+
+
+@pytest.mark.parametrize("path", ["", "cameras/cam", "alarms", "evidence/cam/apron/000000000000001-000001"])
+def test_axe_finds_no_violation(page: Page, plant: Plant, path: str) -> None:
+    plant.state = "LUMP"
+    plant.raise_alarm()
+    page.goto(page.url + path, wait_until="commit")
+    page.wait_for_selector("#strip:not([hidden])")
+    assert violations(page) == []
+
+
+def violations(page: Page) -> list[tuple[str, Any]]:
+    """What axe-core finds, contrast of 4.5 : 1 included."""
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run()")
+    return [(one["id"], [node["html"] for node in one["nodes"]]) for one in found["violations"]]
