@@ -12,12 +12,14 @@ from lumpwatch.models.learning.fit import fit_histogram, fit_lump
 from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
 from lumpwatch.models.learning.logistic import LogisticFit
 from lumpwatch.models.learning.motion import ModelSpec, MotionFit, fit_motion
+from lumpwatch.models.learning.tracker_fit import ForegroundChoice, Noise, TrackerFit, fit_noise, fit_size
 from lumpwatch.models.learning.tracks import Samples, Track, samples
 from lumpwatch.models.learning.transitions import TransitionFit, fit_transitions
 from lumpwatch.models.learning.validation import Bin, Verdict, folds, judge, reliability
 
 __all__ = [
     "Bin",
+    "ForegroundChoice",
     "HistogramFit",
     "LabelledView",
     "Learned",
@@ -25,13 +27,17 @@ __all__ = [
     "LumpFit",
     "ModelSpec",
     "MotionFit",
+    "Noise",
     "Samples",
     "Track",
+    "TrackerFit",
     "TransitionFit",
     "Verdict",
     "fit_histogram",
     "fit_lump",
     "fit_motion",
+    "fit_noise",
+    "fit_size",
     "fit_transitions",
     "folds",
     "judge",

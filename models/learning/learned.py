@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lumpwatch.models.jdt.density import GridDensity
 from lumpwatch.models.jdt.motion_prior import CellVelocities
 from lumpwatch.models.jdt.row_profile import RowProfile
+from lumpwatch.models.learning.tracker_fit import TrackerFit
 from lumpwatch.models.likelihood.histogram import Channel
 from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
@@ -23,6 +24,10 @@ DEFAULT_LOOKS_PER_S = 12.0
 DEFAULT_MARGIN = 2.0
 """Where nothing was learned. Training looks at minutes, a filter at months: in hours of ore there are stones that look
 more like a lump than any that training saw, and one of them lies there for as long as a lump would."""
+
+
+DEFAULT_SHARE = 0.5
+"""Of the evidence of a histogram, where nothing was learned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,8 @@ class HistogramFit:
     offset: float
     slope: float
     channel: Channel
+    evidence: float = DEFAULT_SHARE
+    """Share of a frame's log likelihood ratio that counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,3 +88,5 @@ class Learned:
     """Where labelled objects were in their first moments, ROI heights (k, 2)."""
     cells: CellVelocities | None = None
     """Velocities by place, where a motion prior is among the models; lengths in ROI heights."""
+    tracker: TrackerFit | None = None
+    """What a tracker of many objects learned besides; None for a filter of lumps."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, LumpFit
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, Learned, LumpFit
 from lumpwatch.service.capture import read_frames
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
 from lumpwatch.service.cli.refine import archive_of, keep_footage
@@ -21,12 +23,16 @@ from lumpwatch.service.offline import PlotError, draw_prior
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import Prior, PriorStore
 from lumpwatch.service.training import (
+    CANDIDATES,
+    HISTOGRAM_TRIALS,
     TRIALS,
     Material,
     Trained,
+    Tried,
     Validation,
     accept,
     accept_proposals,
+    choose,
     clips_of,
     coverage_warnings,
     cross_validate,
@@ -183,7 +189,12 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     clips = clips_of(pairs, arguments.without_lumps)
     material = gather(camera, roi, clips, lambda name, length: progress(f"reading {name}", length))
     trained = learn(roi, material.footage, material.tracks, ", ".join(str(labels) for _, labels in pairs))
-    with progress("tempering", TRIALS) as advance:
+    with progress("choosing", CANDIDATES) as advance:
+        learned, tried = choose(camera, roi, material, trained.learned, advance)
+    trained = replace(trained, learned=learned)
+    _print_choice(learned, tried)
+    histogram = isinstance(trained.learned.likelihood, HistogramFit)
+    with progress("tempering", HISTOGRAM_TRIALS if histogram else TRIALS) as advance:
         trained = tempered(roi, material.footage, trained, advance)
     store = PriorStore(config.store.path, config.store.keep_priors)
     acceptance = accept(
@@ -254,6 +265,28 @@ def _in_words(validation: Validation, material: Material) -> str:
     )
 
 
+def _print_choice(learned: Learned, tried: Sequence[Tried]) -> None:
+    fit = learned.tracker
+    if fit is None or not tried:
+        return
+    table = Table(title="chosen by (SFDA + ATA) / 2 on the training clip")
+    for heading in ("candidate", "score", "chosen"):
+        table.add_column(heading)
+    for one in tried:
+        table.add_row(one.text, f"{one.score:.3f}", "yes" if one.chosen else "")
+    Console().print(table)
+    if fit.size is not None:
+        sys.stdout.write(
+            f"size: height = {fit.size.slope:.3f} row {fit.size.offset:+.3f} ROI heights, "
+            f"width = {fit.size.aspect:.2f} height\n"
+        )
+    noise = fit.noise
+    sys.stdout.write(
+        f"noise in a second: position {noise.position:.3f}, velocity {noise.velocity:.3f}, "
+        f"acceleration {noise.acceleration:.3f} ROI heights\n"
+    )
+
+
 def _print(trained: Trained, stored: Prior) -> None:
     learned = trained.learned
     table = Table(title=f"{stored.meta.camera}/{stored.meta.roi}: prior version {stored.version}")
@@ -268,3 +301,6 @@ def _print(trained: Trained, stored: Prior) -> None:
             f"{learned.velocity_noise[m]:.3f}",
         )
     Console().print(table)
+    if isinstance(learned.likelihood, HistogramFit) and learned.tracker is None:
+        share = learned.likelihood.evidence
+        sys.stdout.write(f"evidence: {share:g} of each frame's log likelihood ratio counts\n")

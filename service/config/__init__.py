@@ -30,7 +30,7 @@ from lumpwatch.service.config.quality import CheckConfig, QualityConfig
 from lumpwatch.service.config.sight import SightConfig
 from lumpwatch.service.config.site import SiteConfig, StoreConfig, TelemetryConfig
 from lumpwatch.service.config.source import PICTURE_SUFFIXES, BackoffConfig, SourceConfig
-from lumpwatch.service.config.trackers import ImmPfConfig, JpdaConfig, MixtureConfig, Zone
+from lumpwatch.service.config.trackers import ImmPfConfig, JpdaConfig, MixtureConfig, StatisticalConfig, Zone
 
 __all__ = [
     "PICTURE_SUFFIXES",
@@ -66,6 +66,7 @@ __all__ = [
     "SightConfig",
     "SiteConfig",
     "SourceConfig",
+    "StatisticalConfig",
     "StoreConfig",
     "Strict",
     "TelemetryConfig",

@@ -38,8 +38,8 @@ class HistogramConfig(Strict):
     """Bhattacharyya distance to the reference histogram that `train` learns."""
     channel: Literal["luma", "colour"] = "luma"
     """16 bins of brightness, or 16 bins of hue and brightness."""
-    evidence: Positive = 0.5
-    """Share of a frame's log likelihood ratio that counts."""
+    evidence: Positive | None = None
+    """Share of a frame's log likelihood ratio that counts. Left out: what `train` learned of that."""
     bound: Positive = 6.0
     """Largest log likelihood ratio of one frame."""
 

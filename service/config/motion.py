@@ -98,7 +98,8 @@ class DetectorBase(Strict):
     """What every kind of detector has."""
 
     working_size_px: int = Field(default=320, ge=48, le=1920)
-    """The ROI is scaled once so that its longer side has this many pixels (never enlarged)."""
+    """The ROI is scaled once so that its longer side has this many pixels (never enlarged). Left out for a tracker: as
+    `train` chose, or 320."""
     size_h: tuple[Positive, Positive] = (0.12, 0.45)
     """Smallest and largest object, in ROI heights, where no size has been learned."""
     seed: int = Field(default=1, ge=0)

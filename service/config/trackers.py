@@ -51,10 +51,15 @@ class TrackerBase(DetectorBase):
     size_h: tuple[Positive, Positive] = (0.02, 1.5)
     """Smallest and largest object that counts for the alarm, in ROI heights, where no size has been learned; the
     default takes in nearly everything."""
-    foreground: ForegroundConfig = StatisticalConfig()
-    """How moving things are separated from the background."""
+    foreground: ForegroundConfig | None = None
+    """How moving things are separated from the background; left out: as `train` chose, or statistical."""
     least_area_share: Annotated[float, Field(gt=0.0, le=0.5)] = 0.001
     """Smallest moving region that is considered, as a share of the working picture."""
+
+    @property
+    def background(self) -> MixtureConfig | StatisticalConfig:
+        """The background model in use."""
+        return self.foreground or StatisticalConfig()
 
     @property
     def needs_colour(self) -> bool:
@@ -180,4 +185,4 @@ class JpdaConfig(TrackerBase):
     @property
     def summary(self) -> str:
         """In a few words."""
-        return f"jpda ({self.model.name}; {self.foreground.kind})"
+        return f"jpda ({self.model.name}; {self.background.kind})"

@@ -244,8 +244,12 @@ class CameraPipeline:
         """Judge pictures of that size by the reference from now on; False, and nothing said of what was before,
         where it does not fit.
         """
-        detectors = {roi_id: region.channel.detector for roi_id, region in self._regions.items()}
-        rois = {roi_id: detector.roi for roi_id, detector in detectors.items() if detector is not None}
+        channels = {roi_id: region.channel for roi_id, region in self._regions.items()}
+        rois = {
+            roi_id: channel.geometry
+            for roi_id, channel in channels.items()
+            if channel.detector is not None and channel.geometry is not None
+        }
         try:
             if reference is not None:
                 reference.check_fits(self._config, width, height)

@@ -12,6 +12,9 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Protocol
 
+import cv2
+import numpy as np
+
 from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.service.config import DetectorConfig, JdtConfig, RoiConfig
@@ -26,6 +29,7 @@ from lumpwatch.service.core import (
     working_colour,
     working_luma,
 )
+from lumpwatch.service.detection.choices import with_choices
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
 from lumpwatch.service.detection.detectors.make import make_detector
@@ -112,6 +116,9 @@ class RegionChannel:
         """Of the last step, in pixels of the picture; None before the first in pictures of this size."""
         self.detector: Detector | None = None
         """None as long as the channel is fit for no picture."""
+        self.geometry: Roi | None = None
+        """The region as configured: what the picture's quality is measured in; a detector may have a working size of
+        its own. None before the first fit."""
         self.size: tuple[int, int] | None = None
         """Width and height of the pictures it is fit for."""
         self.last_s: float | None = None
@@ -120,6 +127,7 @@ class RegionChannel:
         self._refused = refused
         self._make = make
         self._sizer: Sizer | None = None
+        self._chosen = config.detector
 
     def fit(self, width: int, height: int) -> None:
         """Make geometry, sizes and filter for pictures of that size; nothing where they are of that size already.
@@ -132,12 +140,12 @@ class RegionChannel:
         self.close()
         self.detection = None
         try:
-            geometry = make_region(self.config, width, height)
+            self.geometry = make_region(self.config, width, height)
             calibration, certain = self.config.calibration, self.config.alarm.oversize_above
             sizer = None if calibration is None else Sizer(calibration, width, height, certain)
         except (ValueError, LumpwatchError) as error:
             raise RegionMisfitError(str(error)) from error
-        detector = self._begun(geometry, width, height)
+        detector = self._begun(width, height)
         self.detector, self._sizer, self.size = detector, sizer, (width, height)
 
     def step(
@@ -176,8 +184,9 @@ class RegionChannel:
 
     def begin_anew(self) -> None:
         """Forget what the filter knows of the past, after it has failed; alarm and sizes stay."""
-        learned = self.prior.learned if self.prior else None
-        self.detector = self._make(self.config.detector, self._fitted().roi, learned)
+        self._fitted()
+        assert self.size is not None
+        self.detector = self._made(self.prior.learned if self.prior else None, *self.size)
 
     def use(self, prior: Prior | None) -> None:
         """Filter on with another prior (None: the stated defaults).
@@ -187,7 +196,11 @@ class RegionChannel:
         if self.detector is not None and self.size is not None:
             if prior is not None:
                 prior.check_fits(self.config, *self.size)
-            self.detector.use(prior.learned if prior else None)
+            learned = prior.learned if prior else None
+            if with_choices(self.config, learned).detector == self._chosen:
+                self.detector.use(learned)
+            else:  # another working size or background model: nothing of the old one is of use
+                self.detector = self._made(learned, *self.size)
         self.prior = prior
 
     def close(self) -> None:
@@ -220,17 +233,26 @@ class RegionChannel:
         if self._sizer is not None:
             self._sizer.restore(snapshot.sizes)
 
-    def _begun(self, geometry: Roi, width: int, height: int) -> Detector:
+    def _made(self, learned: Learned | None, width: int, height: int) -> Detector:
+        """A new detector for pictures of that size, as training chose it where the configuration leaves it open."""
+        chosen = with_choices(self.config, learned)
+        geometry = self.geometry if chosen is self.config else make_region(chosen, width, height)
+        assert geometry is not None
+        detector = self._make(chosen.detector, geometry, learned)
+        self._chosen = chosen.detector
+        return detector
+
+    def _begun(self, width: int, height: int) -> Detector:
         """A detector with the prior, or with the defaults where that is refused and `refused` was given."""
         if self.prior is not None:
             try:
                 self.prior.check_fits(self.config, width, height)
-                return self._make(self.config.detector, geometry, self.prior.learned)
+                return self._made(self.prior.learned, width, height)
             except LumpwatchError as error:
                 if self._refused is None:
                     raise
                 self._refused(error)
-        detector = self._make(self.config.detector, geometry, None)
+        detector = self._made(None, width, height)
         self.prior = None  # not before: where the defaults do not do either, it may fit the next size
         return detector
 
@@ -258,7 +280,7 @@ class RegionChannel:
     ) -> Transition | None:
         name, detector = self.config.id, self._fitted()
         began = perf_counter()
-        self.pictures.observe(name, gray, time_s)
+        self.pictures.observe(name, self._as_configured(gray), time_s)
         observed = perf_counter()
         quality = self.pictures.current(name)
         # A background model must not learn what covers the lens.
@@ -281,6 +303,14 @@ class RegionChannel:
             self.alarm, self.config.alarm, evidence, decided_s, observed_s=time_s
         )
         return transition
+
+    def _as_configured(self, gray: Image) -> Image:
+        """The working picture in the configured working size, for measures that are compared with a reference."""
+        assert self.geometry is not None
+        if gray.shape == self.geometry.shape:
+            return gray
+        height, width = self.geometry.shape
+        return np.asarray(cv2.resize(gray, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
     def _evidence(self, alarming: float, may_clear: bool) -> float:
         """What the lump alarm may judge: a picture that is not fit clears no alarm, nor do too few of them.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, LumpFit
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_SHARE, HistogramFit, LumpFit
 from lumpwatch.models.likelihood.histogram import BINS, Channel
 from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
@@ -25,7 +25,11 @@ class OutdatedError(ValueError):
 def encode_fit(fit: LumpFit | HistogramFit) -> Arrays:
     """The arrays by name."""
     if isinstance(fit, HistogramFit):
-        return {"fit_reference": fit.reference, "fit_line": np.array([fit.offset, fit.slope])}
+        return {
+            "fit_reference": fit.reference,
+            "fit_line": np.array([fit.offset, fit.slope]),
+            "fit_share": np.array([fit.evidence]),
+        }
     arrays = {
         "fit_looks": np.array([fit.looks_per_s]),
         "fit_margin": np.array([fit.margin]),
@@ -47,7 +51,7 @@ def decode_fit(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | His
         return known_lump(arrays)
     _check(arrays, {"fit_reference": (BINS,), "fit_line": (2,)})
     offset, slope = arrays["fit_line"]
-    return HistogramFit(arrays["fit_reference"], float(offset), float(slope), channel)
+    return HistogramFit(arrays["fit_reference"], float(offset), float(slope), channel, _share(arrays))
 
 
 def _check(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> None:
@@ -91,6 +95,15 @@ def _looks(arrays: Arrays) -> float:
     if not 0.0 < looks < np.inf:
         raise ValueError(f"{looks} looks a second")
     return float(looks)
+
+
+def _share(arrays: Arrays) -> float:
+    if "fit_share" not in arrays:
+        return DEFAULT_SHARE
+    (share,) = arrays["fit_share"]
+    if not 0.0 < share < np.inf:
+        raise ValueError(f"a share of {share}")
+    return float(share)
 
 
 def _margin(arrays: Arrays) -> float:

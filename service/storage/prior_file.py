@@ -25,7 +25,7 @@ from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
 from lumpwatch.service.config import RoiConfig
 from lumpwatch.service.errors import LumpwatchError
-from lumpwatch.service.storage import fit_arrays
+from lumpwatch.service.storage import fit_arrays, tracker_arrays
 from lumpwatch.service.storage.checksummed import SealError, seal, unseal
 
 FORMAT = 1
@@ -110,6 +110,7 @@ def encode_prior(prior: Prior) -> bytes:
     if np.isfinite(learned.profile.aspect_spread):
         arrays["profile_aspect"] = np.array([learned.profile.aspect_spread])
     arrays |= fit_arrays.encode_fit(fit)
+    arrays |= tracker_arrays.encode_tracker(learned.tracker)
     if learned.birth_places is not None:
         arrays["birth_places"] = learned.birth_places
     if learned.cells is not None:
@@ -219,6 +220,7 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         likelihood=fit,
         birth_places=_places(arrays),
         cells=_cells(arrays),
+        tracker=tracker_arrays.decode_tracker(arrays),
         label_counts=arrays["label_counts"],
         tracks=int(meta["tracks"]),
     )

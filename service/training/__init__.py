@@ -6,6 +6,7 @@ from lumpwatch.service.training.cross_validation import Validation, cross_valida
 from lumpwatch.service.training.dataset import Material, clips_of, gather
 from lumpwatch.service.training.evidence_labels import export
 from lumpwatch.service.training.evidence_rate import TRIALS
+from lumpwatch.service.training.histogram_rate import HISTOGRAM_TRIALS
 from lumpwatch.service.training.label_proposals import accept_proposals, parse_ids, to_text
 from lumpwatch.service.training.learner import Trained, learn, tempered
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
@@ -14,17 +15,22 @@ from lumpwatch.service.training.proposing import suggest
 from lumpwatch.service.training.refining import ConfirmedClip, recorded_clip, refine
 from lumpwatch.service.training.report import training_report
 from lumpwatch.service.training.sources import missing_sources, sources_text
+from lumpwatch.service.training.tracker_choice import CANDIDATES, Tried, choose
 
 __all__ = [
+    "CANDIDATES",
+    "HISTOGRAM_TRIALS",
     "TRIALS",
     "Acceptance",
     "ConfirmedClip",
     "Material",
     "Recording",
     "Trained",
+    "Tried",
     "Validation",
     "accept",
     "accept_proposals",
+    "choose",
     "clips_of",
     "contact_sheet",
     "coverage_warnings",

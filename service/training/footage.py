@@ -12,6 +12,7 @@ from lumpwatch.models.jdt.motion_prior import CellVelocities, flow_vectors, lear
 from lumpwatch.models.learning import LabelledView
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import H, W, X, Y, blank
+from lumpwatch.models.trackers.foreground import MixtureForeground
 from lumpwatch.service.config import RoiConfig
 from lumpwatch.service.core import Frame, working_colour, working_luma
 from lumpwatch.service.detection import make_region
@@ -22,6 +23,8 @@ MOST_VIEWS = 900
 """Working pictures that are kept for fitting the likelihood (a 320 x 240 one takes 75 kB)."""
 _MOST_FLOW = 200_000
 _LEAST_FLOW_H_S = 0.01
+_CELL_H = 0.052
+"""Side of a cell of the motion prior, ROI heights: 30 of 576 rows, as in paper 2."""
 
 
 class TrainingError(LumpwatchError):
@@ -106,7 +109,8 @@ def read_footage(
                 kept = [k for k, moment in enumerate(moments) if (moment.frame - 1) % stride == 0]
                 views, moments = [views[k] for k in kept], [moments[k] for k in kept]
         if flow is not None:
-            flow.add(working_luma(frame, geometry), frame.capture_s)
+            colour = working_colour(frame, geometry) if roi.detector.needs_colour else None
+            flow.add(working_luma(frame, geometry), frame.capture_s, colour)
         times.append(frame.capture_s)
         advance(len(times))
     if geometry is None or len(times) < 2:
@@ -137,25 +141,28 @@ class Flow:
     """Gathers the optical flow of everything that moves."""
 
     def __init__(self) -> None:
-        self._last: tuple[Image, float] | None = None
+        self._last: tuple[Image, float, Image | None] | None = None
+        self._foreground = MixtureForeground()
         self._positions: list[NDArray[np.float64]] = []
         self._velocities: list[NDArray[np.float64]] = []
         self._kept = 0
 
-    def add(self, gray: Image, time_s: float) -> None:
-        """The next working picture."""
+    def add(self, gray: Image, time_s: float, colour: Image | None = None) -> None:
+        """The next working picture; with colour (h, w, 3) the flow of the foreground alone is gathered."""
+        mask = None if colour is None else self._foreground.apply(colour)
         if self._last is not None and time_s > self._last[1] and self._kept < _MOST_FLOW:
-            positions, velocities = flow_vectors(self._last[0], gray, time_s - self._last[1])
+            positions, velocities = flow_vectors(self._last[0], gray, time_s - self._last[1], self._last[2])
             moving = np.hypot(velocities[:, 0], velocities[:, 1]) > _LEAST_FLOW_H_S * gray.shape[0]
             self._positions.append(positions[moving])
             self._velocities.append(velocities[moving])
             self._kept += int(moving.sum())
-        self._last = (gray, time_s)
+        self._last = (gray, time_s, mask)
 
     def learn(self, shape: tuple[int, int]) -> CellVelocities:
         """The motion prior; raises TrainingError where nothing moved."""
         try:
-            return learn_cells(np.concatenate(self._positions), np.concatenate(self._velocities), shape)
+            cell = _CELL_H * shape[0]
+            return learn_cells(np.concatenate(self._positions), np.concatenate(self._velocities), shape, cell)
         except ValueError as error:
             raise TrainingError(f"motion prior: {error}") from error
 

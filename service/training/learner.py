@@ -25,7 +25,10 @@ from lumpwatch.models.learning import (
     MotionFit,
     Samples,
     Track,
+    TrackerFit,
     fit_motion,
+    fit_noise,
+    fit_size,
     samples,
 )
 from lumpwatch.models.learning.motion import Law, ModelSpec
@@ -38,6 +41,7 @@ from lumpwatch.service.storage import Box, LabelError, Prior, PriorMeta, check_f
 from lumpwatch.service.training.evidence_rate import temper
 from lumpwatch.service.training.fitting import fit_likelihood
 from lumpwatch.service.training.footage import Footage, TrainingError, read_footage
+from lumpwatch.service.training.histogram_rate import tune_histogram
 
 SMOOTHING_S = 0.14
 """Half length of the window over which positions are smoothed, for laws without a bounce."""
@@ -138,7 +142,11 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
     )
     first = max(1, round(BIRTH_S / interval))
     places = np.concatenate([track.boxes[:first, :2] for track in tracks]) / height
-    learned = replace(learned, birth_places=places)
+    tracker = None
+    if not isinstance(roi.detector, JdtConfig):
+        # Positions are smoothed whatever the models: bounces are none of a tracker's.
+        tracker = TrackerFit(noise=fit_noise(steps, height), size=fit_size(steps, height))
+    learned = replace(learned, birth_places=places, tracker=tracker)
     return Trained(
         learned=learned,
         samples=steps,
@@ -154,7 +162,8 @@ def tempered(
     roi: RoiConfig, footage: Footage, trained: Trained, advance: Callable[[int], None] = lambda _: None
 ) -> Trained:
     """The training with its evidence tempered; `advance` is told how many candidates were judged, of `TRIALS`."""
-    return replace(trained, learned=temper(roi, footage, trained.learned, advance))
+    learned = tune_histogram(roi, footage, trained.learned, advance)
+    return replace(trained, learned=temper(roi, footage, learned, advance))
 
 
 def labelled_tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:

@@ -19,6 +19,7 @@ from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.state import H, States, W, X, Y, blank
 
 Array = NDArray[np.float64]
+_ROUNDS = 10
 LEAST = 4.0
 """No box is smaller, px."""
 
@@ -50,21 +51,35 @@ class LinearSize:
         np.maximum(self.slope * states[:, Y] + self.offset, LEAST, out=states[:, H])
         np.multiply(states[:, H], self.aspect, out=states[:, W])
 
+    def scaled(self, factor: float) -> LinearSize:
+        """The same for a picture scaled by `factor`."""
+        ends = self.first_row * factor, self.last_row * factor
+        return LinearSize(self.slope, self.offset * factor, self.aspect, *ends)
+
     def knows(self, row: float) -> bool:
         """Whether labels reached as far as this row."""
         return self.first_row <= row <= self.last_row
 
 
 def learn_linear(boxes: Array) -> LinearSize:
-    """Least squares fit to labelled boxes (n, 4): centre x, centre y, width, height.
+    """A robust line through labelled boxes (n, 4): centre x, centre y, width, height.
 
-    Raises ValueError for fewer than two rows.
+    Least squares, repeated with the weights of Tukey's biweight (cut off at 4.685 robust standard deviations), so that
+    boxes of bent or half hidden bodies do not tilt it; the aspect is the median. Raises ValueError for fewer than two
+    rows.
     """
     if len(boxes) < 2 or float(np.ptp(boxes[:, 1])) < 1.0:
         raise ValueError("box sizes by row need labels in at least two rows")
     design = np.column_stack([boxes[:, 1], np.ones(len(boxes))])
-    slope, offset = np.linalg.lstsq(design, boxes[:, 3], rcond=None)[0]
-    aspect = float((boxes[:, 2] / boxes[:, 3]).mean())
+    weights = np.ones(len(boxes))
+    for _ in range(_ROUNDS):
+        slope, offset = np.linalg.lstsq(design * weights[:, None], boxes[:, 3] * weights, rcond=None)[0]
+        residual = boxes[:, 3] - slope * boxes[:, 1] - offset
+        reach = 4.685 * max(1.4826 * float(np.median(np.abs(residual))), 1e-3 * float(boxes[:, 3].mean()))
+        weights = np.maximum(1.0 - np.square(residual / reach), 0.0)
+        if np.ptp(boxes[weights > 0.0, 1], axis=0) < 1.0:
+            break
+    aspect = float(np.median(boxes[:, 2] / boxes[:, 3]))
     # Half a box of the nearest and farthest label: the next one may stand a little beyond.
     first, last = (
         float(row + side * (slope * row + offset) / 2)

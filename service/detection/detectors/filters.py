@@ -25,6 +25,7 @@ from lumpwatch.models.jdt.motion import (
 from lumpwatch.models.jdt.motion_prior import CellVelocities, MotionPrior
 from lumpwatch.models.jdt.row_profile import RowProfile, around_limit, default_profile
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
+from lumpwatch.models.learning import Noise
 from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
 from lumpwatch.models.likelihood import HistogramLikelihood, Likelihood, LumpLikelihood
 from lumpwatch.models.likelihood.lump import Maps
@@ -138,7 +139,7 @@ def make_likelihood(
             f"the prior's histogram is of {fit.channel}, the configuration asks for {wanted.channel}"
         )
     return HistogramLikelihood(
-        fit.reference, fit.offset, fit.slope, wanted.evidence, wanted.bound, fit.channel
+        fit.reference, fit.offset, fit.slope, wanted.evidence or fit.evidence, wanted.bound, fit.channel
     )
 
 
@@ -173,7 +174,10 @@ def make_models(
         elif rate is None and entry.kind == "constant_acceleration":
             rate = (0.0, next(default_rates))
         cells = learned.cells.scaled(height) if learned is not None and learned.cells is not None else None
-        models.append(_motion_model(entry, rate or (0.0, 0.0), noise, height, cells))
+        tracked = learned.tracker.noise if learned is not None and learned.tracker is not None else None
+        if tracked is not None:
+            noise = entry.velocity_noise_h_s or tracked.velocity
+        models.append(_motion_model(entry, rate or (0.0, 0.0), noise, height, cells, tracked))
     return tuple(models)
 
 
@@ -183,11 +187,13 @@ def _motion_model(
     noise: float | None,
     height: float,
     cells: CellVelocities | None,
+    tracked: Noise | None = None,
 ) -> MotionModel:
     """One motion model in working pixels."""
     if entry.custom:
         return _own_model(entry, height)
-    still = height * (entry.position_noise_h or DEFAULT_POSITION_NOISE_H)
+    still = entry.position_noise_h or (DEFAULT_POSITION_NOISE_H if tracked is None else tracked.position)
+    still *= height
     fast = rate[1] > 1.0 or entry.kind.startswith("bounce")
     moving = height * (noise or (DEFAULT_FAST_NOISE_H_S if fast else DEFAULT_VELOCITY_NOISE_H_S))
     match entry.kind:
@@ -202,7 +208,8 @@ def _motion_model(
         case "bounce_x" | "bounce_y" | "bounce":
             return Bounce(entry.name, moving, entry.kind != "bounce_y", entry.kind != "bounce_x")
         case "free_acceleration":
-            jerk = entry.acceleration_noise_h_s2 or DEFAULT_ACCELERATION_NOISE_H_S2
+            usual = DEFAULT_ACCELERATION_NOISE_H_S2 if tracked is None else tracked.acceleration
+            jerk = entry.acceleration_noise_h_s2 or usual
             return FreeAcceleration(entry.name, height * jerk)
         case "motion_prior" if cells is not None:
             return MotionPrior(entry.name, cells, moving)

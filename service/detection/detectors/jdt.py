@@ -35,6 +35,9 @@ class _Found:
 class _Engine(Protocol):
     """A filter with its belief: for one object, or for several."""
 
+    log_evidence: float
+    """Sum over all frames."""
+
     @property
     def existence(self) -> float:
         """P(at least one object exists)."""
@@ -68,6 +71,8 @@ class _Single:
         self._belief = single.start(rng)
         self._id, self._present = 0, False
 
+    log_evidence = 0.0
+
     @property
     def existence(self) -> float:
         return self._belief.existence
@@ -80,6 +85,7 @@ class _Single:
     ) -> tuple[list[_Found], Diagnostics]:
         step = self._filter.step(self._belief, observation, dt, self._rng)
         self._belief = step.belief
+        self.log_evidence += step.log_evidence
         present = step.belief.existence > SHOWN_ABOVE
         self._id += present and not self._present
         self._present = present
@@ -105,6 +111,8 @@ class _Single:
 class _Several:
     """Several objects."""
 
+    log_evidence = 0.0
+
     def __init__(self, single: JdtFilter, rng: np.random.Generator, most: int) -> None:
         self._rng, self._most = rng, most
         self.use(single)
@@ -123,6 +131,7 @@ class _Several:
     ) -> tuple[list[_Found], Diagnostics]:
         step = self._filter.step(self._belief, observation, appearance, dt, self._rng)
         self._belief = step.belief
+        self.log_evidence += step.log_evidence
         found = [_Found(track.id, track.belief.existence, track.estimate) for track in step.belief.tracks]
         return found, step.diagnostics
 
@@ -164,6 +173,11 @@ class JdtDetector:
         self._engine: _Engine = (
             _Several(single, rng, config.objects) if config.several else _Single(single, rng)
         )
+
+    @property
+    def log_evidence(self) -> float:
+        """Log of how well the filter expected all pictures so far, against pictures without an object."""
+        return self._engine.log_evidence
 
     def use(self, learned: Learned | None) -> None:
         """Take another prior; the belief goes on. Raises PriorMismatchError."""

@@ -7,18 +7,16 @@ from typing import Protocol
 import numpy as np
 
 from lumpwatch.models.jdt.motion import AffineModel, MotionModel
-from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalBackground
 from lumpwatch.models.trackers.foreground import Foreground, MixtureForeground, MixtureOptions, blobs
-from lumpwatch.models.trackers.imm_pf import ImmOptions, ImmPfTracker, ProfileSize, TrackerOptions
+from lumpwatch.models.trackers.imm_pf import BoxSize, ImmOptions, ImmPfTracker, TrackerOptions
 from lumpwatch.models.trackers.jpda import ColourOptions, JpdaOptions, JpdaTracker, OneWay
+from lumpwatch.models.trackers.scene import EmptyScene, show
 from lumpwatch.models.trackers.tracked import TrackedObject
 from lumpwatch.service.config import ImmPfConfig, JpdaConfig, MixtureConfig, Zone
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, DEFAULT_SPEED_H_S
 from lumpwatch.service.errors import ConfigError
-
-USUAL_FPS = 1.0 / DEFAULT_INTERVAL_S
 
 
 class Tracker(Protocol):
@@ -29,23 +27,29 @@ class Tracker(Protocol):
 
 
 class GatedForeground:
-    """A background model that learns only while it may."""
+    """A background model that learns only while it may, and is shown the empty scene first where that is known."""
 
-    def __init__(self, model: Foreground) -> None:
+    def __init__(self, model: Foreground, scene: EmptyScene | None = None, seed: int = 0) -> None:
+        """A scene that the first picture does not show, or in another light, is not used."""
         self._model = model
+        self._scene, self._seed = scene, seed
         self.learns = True
         """Whether the next pictures teach it anything."""
 
     def apply(self, picture: Image, learn: bool = True) -> Image:
         """The mask of a picture."""
+        if self._scene is not None:
+            scene, self._scene = self._scene.sized(picture.shape[:2]), None
+            if scene.is_of(picture):
+                show(scene, self._model, np.random.default_rng(self._seed))
         return self._model.apply(picture, learn=learn and self.learns)
 
 
-def make_foreground(config: ImmPfConfig | JpdaConfig) -> Foreground:
-    """The background model that the configuration asks for."""
-    wanted = config.foreground
+def make_foreground(config: ImmPfConfig | JpdaConfig, interval_s: float = DEFAULT_INTERVAL_S) -> Foreground:
+    """The background model that the configuration asks for, at that distance of pictures."""
+    wanted = config.background
     if isinstance(wanted, MixtureConfig):
-        memory = max(1, round(wanted.memory_s * USUAL_FPS))
+        memory = max(1, round(wanted.memory_s / interval_s))
         return MixtureForeground(MixtureOptions(memory, wanted.threshold))
     return StatisticalBackground(
         BackgroundOptions(
@@ -59,14 +63,14 @@ def make_foreground(config: ImmPfConfig | JpdaConfig) -> Foreground:
 def make_imm_pf(
     config: ImmPfConfig,
     models: tuple[MotionModel, ...],
-    profile: RowProfile,
+    size: BoxSize,
     foreground: Foreground,
     rng: np.random.Generator,
 ) -> Tracker:
-    """The tracker of paper 2; sizes follow the row profile."""
+    """The tracker of paper 2."""
     numbers = ImmOptions(config.particles, config.all_every, config.model_every, config.least_model_share)
     options = TrackerOptions(filter=numbers, hidden_s=config.hidden_s)
-    return ImmPfTracker(options, models, ProfileSize(profile), foreground, rng)
+    return ImmPfTracker(options, models, size, foreground, rng)
 
 
 def make_jpda(

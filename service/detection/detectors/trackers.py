@@ -13,6 +13,7 @@ from lumpwatch.models.jdt.row_profile import SIZE_LIMIT
 from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import Belief
+from lumpwatch.models.trackers.imm_pf import BoxSize, ProfileSize
 from lumpwatch.models.trackers.tracked import TrackedObject
 from lumpwatch.service.config import ImmPfConfig, JpdaConfig
 from lumpwatch.service.core import DetectedObject, Detection, NotCounted
@@ -43,7 +44,10 @@ class TrackerDetector:
         self.roi = roi
         self._config = config
         self._rng = np.random.default_rng(config.seed)
-        self._foreground = GatedForeground(make_foreground(config))
+        fit = None if learned is None else learned.tracker
+        interval_s = DEFAULT_INTERVAL_S if learned is None else learned.interval_s
+        scene = None if fit is None else fit.scene
+        self._foreground = GatedForeground(make_foreground(config, interval_s), scene, config.seed)
         self._outside = roi.mask == 0
         self._names = [model.name for model in config.models]
         self._last_id = self._id_offset = 0
@@ -64,13 +68,15 @@ class TrackerDetector:
         models = make_models(self._config.models, learned, height)
         profile = make_profile(self._config.size_h, learned, self.roi)
         self._parts = models, profile
+        line = learned.tracker.size if learned is not None and learned.tracker is not None else None
+        self._size: BoxSize = ProfileSize(profile) if line is None else line.scaled(height)
         self._start()
 
     def _start(self) -> None:
-        models, profile = self._parts
+        models, _ = self._parts
         self._id_offset = self._last_id
         if isinstance(self._config, ImmPfConfig):
-            self._tracker = make_imm_pf(self._config, models, profile, self._foreground, self._rng)
+            self._tracker = make_imm_pf(self._config, models, self._size, self._foreground, self._rng)
         else:
             self._tracker = make_jpda(self._config, models, self.roi, self._foreground)
 
@@ -104,6 +110,8 @@ class TrackerDetector:
 
     def _why_not(self, tracked: TrackedObject) -> NotCounted | None:
         """None where the object is as large as those to be found are at its row."""
+        if isinstance(self._config, ImmPfConfig):
+            return None  # its boxes have the size of what is looked for
         mean, spread = self._parts[1].at(tracked.box[1:2])
         size = 0.5 * float(np.log(tracked.box[2] * tracked.box[3]))
         expected, reach = 0.5 * float(mean[0, 2:].sum()), SIZE_LIMIT * float(spread[0, 2:].max())

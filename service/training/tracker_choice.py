@@ -1,0 +1,184 @@
+"""Background model, working size and noise of a tracker, chosen by its score on the training clips.
+
+Each candidate is run over the clips as the live region would be, and scored against the labels by the mean of SFDA
+(are all boxes found, and do they fit) and ATA (are whole tracks held by one identity). One thing is chosen after
+another; a larger picture costs time, so it has to be better by `WORTH`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from lumpwatch.models.evaluation import Tracks, evaluate, tracks_of
+from lumpwatch.models.learning import ForegroundChoice, Learned, TrackerFit
+from lumpwatch.models.roi import Image
+from lumpwatch.models.trackers.scene import learn_scene
+from lumpwatch.service.capture import read_frames
+from lumpwatch.service.config import CameraConfig, ImmPfConfig, JdtConfig, RoiConfig
+from lumpwatch.service.core import working_colour
+from lumpwatch.service.detection import RegionChannel, make_region
+from lumpwatch.service.storage import Box, Prior, PriorMeta
+from lumpwatch.service.training.dataset import Clip, Material
+
+SIZES = (320, 512, 768)
+"""Working sizes that are tried, ascending; none larger than the region."""
+FOREGROUNDS = (
+    ForegroundChoice("mixture", 30.0),
+    ForegroundChoice("mixture", 50.0),
+    ForegroundChoice("mixture", 16.0),
+    ForegroundChoice("statistical"),
+)
+NOISE_FACTORS = (0.6, 1.6)
+"""Factors of the noise that are tried besides 1."""
+WORTH = 0.01
+"""A larger picture must raise the score by this much."""
+MOST_FRAMES = 500
+"""Frames of each clip that a candidate is run over."""
+SCENE_PICTURES = 48
+CANDIDATES = len(SIZES) + len(FOREGROUNDS) - 1 + len(NOISE_FACTORS)
+"""Runs over the clips, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A candidate and its score."""
+
+    text: str
+    score: float
+    chosen: bool = False
+
+
+def choose(
+    camera: CameraConfig,
+    roi: RoiConfig,
+    material: Material,
+    learned: Learned,
+    advance: Callable[[int], None] = lambda _: None,
+) -> tuple[Learned, tuple[Tried, ...]]:
+    """What was learned with the choices, and the candidates; as it was where the detector is no tracker.
+
+    `advance` is told how many candidates, of `CANDIDATES`, are done. Raises LumpwatchError.
+    """
+    detector, fit = roi.detector, learned.tracker
+    if isinstance(detector, JdtConfig) or fit is None:
+        return learned, ()
+    only = camera.model_copy(update={"rois": (roi,)})
+    clips = [clip for clip in material.clips if clip.labels is not None]
+    longest = max(material.footage.roi.width, material.footage.roi.height)
+    configured = "working_size_px" in detector.model_fields_set
+    sizes = [detector.working_size_px] if configured else _sizes(longest)
+    fit = replace(fit, scene=learn_scene(_pictures(only, roi, clips, sizes[-1], material.footage.count)))
+    tried: list[Tried] = []
+
+    def score(candidate: TrackerFit, text: str) -> float:
+        prior = _bound(roi, material, replace(learned, tracker=candidate))
+        reached = float(np.mean([_score(only, roi, clip, prior) for clip in clips]))
+        tried.append(Tried(text, reached))
+        advance(len(tried))
+        return reached
+
+    foreground = FOREGROUNDS[0] if detector.foreground is None else None
+    best, best_score = fit, -np.inf
+    for size in sizes:
+        candidate = replace(fit, foreground=foreground, working_size_px=None if configured else size)
+        reached = score(candidate, f"working size {size}, {_named(candidate)}")
+        if reached > best_score + WORTH:
+            best, best_score = candidate, reached
+    for other in FOREGROUNDS[1:] if foreground is not None else ():
+        candidate = replace(best, foreground=other)
+        reached = score(candidate, f"working size {best.working_size_px}, {_named(candidate)}")
+        if reached > best_score:
+            best, best_score = candidate, reached
+    for factor in NOISE_FACTORS if isinstance(detector, ImmPfConfig) else ():
+        candidate = replace(best, noise=fit.noise.times(factor))
+        reached = score(candidate, f"{factor:g} times the noise")
+        if reached > best_score:
+            best, best_score = candidate, reached
+    advance(CANDIDATES)
+    return replace(learned, tracker=best), tuple(
+        replace(one, chosen=one.score == best_score) for one in tried
+    )
+
+
+def _sizes(longest: int) -> list[int]:
+    """The working sizes below that of the region, and its own where it is smaller than the largest."""
+    below = [size for size in SIZES if size < longest]
+    return below if len(below) == len(SIZES) else [*below, longest]
+
+
+def _named(fit: TrackerFit) -> str:
+    if fit.foreground is None:
+        return "foreground as configured"
+    if fit.foreground.kind == "mixture":
+        return f"mixture with threshold {fit.foreground.threshold:g}"
+    return fit.foreground.kind
+
+
+def _bound(roi: RoiConfig, material: Material, learned: Learned) -> Prior:
+    footage = material.footage
+    meta = PriorMeta(
+        camera="",
+        roi=roi.id,
+        created=datetime.fromtimestamp(0, UTC),
+        polygon=roi.polygon,
+        aspect=footage.width / footage.height,
+        source="",
+        frames=footage.count,
+    )
+    return Prior(meta, learned)
+
+
+def _pictures(
+    camera: CameraConfig, roi: RoiConfig, clips: Sequence[Clip], size: int, count: int
+) -> list[Image]:
+    """Working pictures of that size, evenly over all clips."""
+    sized = roi.model_copy(update={"detector": roi.detector.model_copy(update={"working_size_px": size})})
+    stride = max(1, count // SCENE_PICTURES)
+    kept = []
+    for clip in clips:
+        frames, _ = read_frames(camera, clip.video)
+        with closing(frames):
+            for number, frame in enumerate(frames):
+                if number % stride == 0:
+                    geometry = make_region(sized, frame.width, frame.height)
+                    picture = working_colour(frame, geometry)
+                    picture[geometry.mask == 0] = 0
+                    kept.append(picture)
+    return kept
+
+
+def _score(camera: CameraConfig, roi: RoiConfig, clip: Clip, prior: Prior) -> float:
+    found = list(_run(camera, roi, clip, prior))
+    frames, ids, boxes = zip(*found, strict=True) if found else ((), (), ())
+    scores = evaluate(tracks_of(frames, ids, boxes), _truth(clip.boxes), 0.5)
+    return float(np.nan_to_num((scores.sfda + scores.ata) / 2.0))
+
+
+def _truth(boxes: Sequence[Box]) -> Tracks:
+    seen = [box for box in boxes if box.frame <= MOST_FRAMES]
+    return tracks_of(
+        [box.frame for box in seen],
+        [box.track for box in seen],
+        [(box.x, box.y, box.w, box.h) for box in seen],
+    )
+
+
+def _run(
+    camera: CameraConfig, roi: RoiConfig, clip: Clip, prior: Prior
+) -> Iterator[tuple[int, int, tuple[float, float, float, float]]]:
+    """Frame, identity and box of everything that the tracker lists."""
+    channel = RegionChannel(roi, prior)
+    frames, _ = read_frames(camera, clip.video)
+    with closing(frames):
+        for frame in frames:
+            if frame.seq >= MOST_FRAMES:
+                return
+            channel.fit(frame.width, frame.height)
+            channel.step(frame)
+            for one in channel.detection.objects if channel.detection is not None else ():
+                yield frame.seq + 1, one.id, (one.x, one.y, one.w, one.h)
