@@ -23,7 +23,7 @@ from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
 from lumpwatch.service.config import BusConfig, SiteConfig, parse_config
 from lumpwatch.service.core import LEVEL, AlarmClass, log_to_stderr
 from lumpwatch.service.protocol import AlarmEvent, StateMessage
-from lumpwatch.service.runtime import Addresses
+from lumpwatch.service.runtime import Addresses, ConfigFile
 from lumpwatch.service.runtime import run as run_daemon
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
 from lumpwatch.service.storage import PriorStore, read_file
@@ -91,7 +91,7 @@ def demo(arguments: argparse.Namespace) -> int:
                 page.enter_context(contextlib.closing(_Page(config, file, addresses, console)))
                 follower.start(addresses)
 
-            run_daemon(config, stop, on_ready=begin)
+            run_daemon(config, stop, on_ready=begin, changed=ConfigFile(file).changed)
         follower.join()
     return follower.summary()
 

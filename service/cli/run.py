@@ -9,7 +9,13 @@ from pathlib import Path
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, stop_on_signals
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import log_to_stderr
-from lumpwatch.service.runtime import Addresses, check_priors, check_shared_memory, check_simulations
+from lumpwatch.service.runtime import (
+    Addresses,
+    ConfigFile,
+    check_priors,
+    check_shared_memory,
+    check_simulations,
+)
 from lumpwatch.service.runtime import run as run_daemon
 
 log = logging.getLogger(__name__)
@@ -37,6 +43,7 @@ def add(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    file = ConfigFile(arguments.config)
     config = load_config(arguments.config)
     for camera_id in arguments.camera:
         camera_of(config, camera_id)
@@ -50,5 +57,5 @@ def run(arguments: argparse.Namespace) -> int:
     def log_addresses(addresses: Addresses) -> None:
         log.info("bus on %s, metrics on %s/metrics", ", ".join(addresses.bus), addresses.telemetry)
 
-    run_daemon(config, stop_on_signals(), arguments.camera, roles, log_addresses)
+    run_daemon(config, stop_on_signals(), arguments.camera, roles, log_addresses, file.changed)
     return 0

@@ -22,6 +22,7 @@ from lumpwatch.service.console.api import LiveApi
 from lumpwatch.service.console.board import Board
 from lumpwatch.service.console.clips import Clips
 from lumpwatch.service.console.context import Context
+from lumpwatch.service.console.edit_api import EditApi
 from lumpwatch.service.console.guard import Guard
 from lumpwatch.service.console.pictures import Pictures
 from lumpwatch.service.console.sessions import Sessions, Throttle
@@ -117,7 +118,7 @@ def make_app(config: SiteConfig, path: Path, bus: Bus, folder: Path) -> ASGIApp:
         users=users,
         templates=templates,
     )
-    app = Starlette(routes=[*Views(context).routes(), *LiveApi(context).routes()])
+    app = Starlette(routes=[*Views(context).routes(), *LiveApi(context).routes(), *EditApi(context).routes()])
     app.mount("/static", StaticFiles(packages=[("lumpwatch.service.console", "static")]), name="static")
     app.state.guard = guard = Guard(app, config.console, sessions, users)
     return guard

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from urllib.parse import parse_qs
+from typing import Any
+from urllib.parse import parse_qs, urlencode
 
 import anyio
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from lumpwatch.service.config import UserRole
+from lumpwatch.service.config import UserRole, load_config
 from lumpwatch.service.console.context import Context
 from lumpwatch.service.console.guard import Guard, problem
+from lumpwatch.service.console.reports import as_csv, by_hour, events, shift
 from lumpwatch.service.console.users import User, UsersError
+from lumpwatch.service.errors import LumpwatchError
 
 _MOST_FORM = 4096
-NAV = (("/", "Overview", "overview"), ("/alarms", "Alarms", "alarms"))
+NAV = (
+    ("/", "Overview", "overview"),
+    ("/alarms", "Alarms", "alarms"),
+    ("/events", "Events", "events"),
+    ("/shift", "Shift", "shift"),
+    ("/health", "Health", "health"),
+)
 """Pages in the header: address, text, name."""
 _HASHES = 2
 
@@ -37,6 +46,12 @@ class Views:
             Route("/cameras/{camera}", self.live),
             Route("/alarms", self.alarms),
             Route("/evidence/{camera}/{roi}/{id}", self.evidence),
+            Route("/events", self.events),
+            Route("/api/v1/events", self.events_json),
+            Route("/api/v1/events.csv", self.events_csv),
+            Route("/shift", self.shift),
+            Route("/health", self.health),
+            Route("/regions/{camera}/{roi}", self.regions),
         ]
 
     def page(self, request: Request, name: str, status: int = 200, **values: object) -> Response:
@@ -53,13 +68,17 @@ class Views:
             can_log_in=self._context.users is not None,
             csrf=session.csrf if session else "",
             page=name,
-            nav=[("/", "Overview", "overview"), *self._live_links(), *NAV[1:]],
+            nav=self._nav(user),
             **values,
         )
         return HTMLResponse(text, status)
 
-    def _live_links(self) -> list[tuple[str, str, str]]:
-        return [(f"/cameras/{self._context.config.cameras[0].id}", "Live", "live")]
+    def _nav(self, user: User | None) -> list[tuple[str, str, str]]:
+        camera = self._context.config.cameras[0]
+        links = [NAV[0], (f"/cameras/{camera.id}", "Live", "live"), *NAV[1:]]
+        if user is not None and user.role >= UserRole.ENGINEER:
+            links.append((f"/regions/{camera.id}/{camera.rois[0].id}", "Regions", "regions"))
+        return links
 
     async def overview(self, request: Request) -> Response:
         """All regions, worst first."""
@@ -68,7 +87,13 @@ class Views:
     async def live(self, request: Request) -> Response:
         """One camera."""
         try:
-            camera = self._context.config.camera(request.path_params["camera"])
+            config = await anyio.to_thread.run_sync(
+                load_config, self._context.path
+            )  # engineers may have changed it
+        except LumpwatchError:
+            config = self._context.config
+        try:
+            camera = config.camera(request.path_params["camera"])
         except KeyError:
             return self.missing(request)
         shape = {
@@ -94,6 +119,64 @@ class Views:
         except KeyError:
             return self.missing(request)
         return self.page(request, "evidence", where=names)
+
+    async def events(self, request: Request) -> Response:
+        """The event log."""
+        asked = {
+            name: request.query_params.get(name, "")[:128] for name in ("since", "camera", "class", "actor")
+        }
+        rows: list[dict[str, Any]] = []
+        error = ""
+        try:
+            rows = await anyio.to_thread.run_sync(events, self._context.config, asked)
+        except LumpwatchError as problem_found:
+            error = str(problem_found)
+        return self.page(request, "events", rows=rows[:500], error=error, asked=asked, query=urlencode(asked))
+
+    async def events_json(self, request: Request) -> Response:
+        """The same for programs."""
+        try:
+            rows = await anyio.to_thread.run_sync(events, self._context.config, dict(request.query_params))
+        except LumpwatchError as error:
+            return problem(422, str(error))
+        return JSONResponse({"events": rows})
+
+    async def events_csv(self, request: Request) -> Response:
+        """The same for spreadsheets."""
+        try:
+            rows = await anyio.to_thread.run_sync(events, self._context.config, dict(request.query_params))
+        except LumpwatchError as error:
+            return problem(422, str(error))
+        headers = {"Content-Disposition": 'attachment; filename="events.csv"'}
+        return Response(as_csv(rows), media_type="text/csv; charset=utf-8", headers=headers)
+
+    async def shift(self, request: Request) -> Response:
+        """The figures of a shift."""
+        when = request.query_params.get("when", "current")[:80]
+        figures, error, hours = None, "", [0]
+        try:
+            figures = await anyio.to_thread.run_sync(shift, self._context.config, when)
+            hours = by_hour(figures)
+        except LumpwatchError as problem_found:
+            error = str(problem_found)
+        return self.page(
+            request, "shift", figures=figures, error=error, when=when, hours=hours, most=max(1, *hours)
+        )
+
+    async def health(self, request: Request) -> Response:
+        """Each stage from camera to alarm."""
+        return self.page(request, "health")
+
+    async def regions(self, request: Request) -> Response:
+        """The editor of a region."""
+        try:
+            camera = self._context.config.camera(request.path_params["camera"])
+            roi = camera.roi(request.path_params["roi"])
+        except KeyError:
+            return self.missing(request)
+        if request.scope["user"].role < UserRole.ENGINEER:
+            return self.page(request, "missing", 403)
+        return self.page(request, "regions", camera=camera, roi=roi)
 
     def missing(self, request: Request) -> Response:
         """What is not there."""

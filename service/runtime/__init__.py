@@ -1,5 +1,6 @@
 """Starting and watching the processes of the daemon."""
 
+from lumpwatch.service.runtime.config_file import ConfigFile
 from lumpwatch.service.runtime.daemon import Addresses, run
 from lumpwatch.service.runtime.preflight import (
     check_priors,
@@ -9,6 +10,7 @@ from lumpwatch.service.runtime.preflight import (
 
 __all__ = [
     "Addresses",
+    "ConfigFile",
     "check_priors",
     "check_shared_memory",
     "check_simulations",

@@ -25,6 +25,7 @@ from lumpwatch.service.capture import run_camera
 from lumpwatch.service.config import BusConfig, CameraConfig, SiteConfig
 from lumpwatch.service.monitor import run_monitor
 from lumpwatch.service.protocol import COMMANDS
+from lumpwatch.service.runtime.config_file import changed_cameras
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
 from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
 
@@ -70,6 +71,12 @@ class DaemonHealth:
         self._started = False
         self._watched_s = clock()
 
+    def follow(self, config: SiteConfig) -> None:
+        """Judge the cameras by another configuration from now on."""
+        kept = {camera.id for camera in self._config.cameras}
+        cameras = tuple(camera for camera in config.cameras if camera.id in kept)
+        self._config = config.model_copy(update={"cameras": cameras})
+
     def watched(self) -> None:
         """The daemon has just watched its workers."""
         self._watched_s = self._clock()
@@ -111,6 +118,7 @@ def run(
     cameras: Sequence[str] = (),
     roles: Sequence[str] = ("camera", "monitor"),
     on_ready: Callable[[Addresses], None] = lambda _: None,
+    changed: Callable[[], SiteConfig | None] = lambda: None,
 ) -> None:
     """Run until `stop` is set, then stop every process within some 5 s.
 
@@ -118,7 +126,8 @@ def run(
     interpreter would wait for its child for ever.
 
     `cameras` limits the daemon to some cameras and `roles` to one kind of process, for a fleet in
-    which each runs elsewhere. Raises BusError and TelemetryError where an address cannot be used.
+    which each runs elsewhere. `changed` gives a new configuration, once: cameras that differ in it are started
+    anew, the others go on. Raises BusError and TelemetryError where an address cannot be used.
     """
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
@@ -143,11 +152,43 @@ def run(
         left: list[str] = []
         stack.callback(lambda: left.extend(supervisor.stop()))
         on_ready(Addresses(hub.endpoints, server.url))
-        watch(supervisor, health, stop, lambda: metrics.cut_off(hub.cut_off()))
+
+        present = config
+
+        def look() -> None:
+            nonlocal present
+            metrics.cut_off(hub.cut_off())
+            if (after := changed()) is not None:
+                present = _take_over(present, after, inner, supervisor, health, roles)
+
+        watch(supervisor, health, stop, look)
         log.info("stopping")
     if left:
         logging.shutdown()
         os._exit(1)
+
+
+def _take_over(
+    before: SiteConfig,
+    after: SiteConfig,
+    inner: SiteConfig,
+    supervisor: Supervisor,
+    health: DaemonHealth,
+    roles: Sequence[str],
+) -> SiteConfig:
+    """Start the cameras anew that differ; gives the configuration that holds from now on."""
+    names = changed_cameras(before, after)
+    if not names:
+        return before
+    now = before.model_copy(update={"cameras": after.cameras})
+    for camera in now.cameras:
+        if camera.id in names:
+            log.info("camera %s: its configuration has changed; it is started anew", camera.id)
+            for task in tasks_of(inner.model_copy(update={"cameras": after.cameras}), camera):
+                if task.role in roles:
+                    supervisor.replace(task)
+    health.follow(now)
+    return now
 
 
 def watch(

@@ -165,6 +165,14 @@ class Supervisor:
                 running.process.kill()
                 self._end(keeper, running, now, "stuck")
 
+    def replace(self, task: Task) -> None:
+        """Another task in place of that of the same name: its worker is asked to end, and starts with the new one."""
+        for keeper in self._keepers:
+            if keeper.task.name == task.name:
+                keeper.task = task
+                if keeper.running is not None:
+                    keeper.running.reader.ask_to_stop()
+
     def stop(self, within_s: float = GRACE_S) -> tuple[str, ...]:
         """Ask all workers to stop, and kill those that have not by then.
 

@@ -71,6 +71,19 @@ def test_a_viewer_cannot_act(console: Console, plant: Plant) -> None:
     assert not plant.deeds
 
 
+def test_only_an_engineer_changes_a_region(console: Console) -> None:
+    before = console.config.read_text()
+    for name in ("vera", "otto"):
+        client = logged_in(console, name)
+        region = "/api/v1/cameras/cam/rois/apron/region"
+        base = json.loads(client.ask("GET", region)[2])["base"]
+        given = {"base": base, "size": [160, 120], "polygon": [[0, 0], [1, 0], [1, 1]]}
+        assert client.post(region, given)[0] == 403
+        assert client.post(f"{region}/preview", given)[0] == 403
+        assert client.ask("GET", "/regions/cam/apron")[0] == 403
+    assert console.config.read_text() == before
+
+
 def test_signals_of_the_plant_are_no_deeds_of_people(console: Console) -> None:
     client = logged_in(console, "emma")
     for name in ("suppress", "evidence", "prior", "nonsense"):

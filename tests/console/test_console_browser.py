@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from lumpwatch.service.config import load_config
 from tests.bus.test_bus_support import eventually
 from tests.console.plant import Console, Plant
 
@@ -131,7 +132,36 @@ def test_shelving_asks_why_and_stays_in_sight(page: Page, plant: Plant) -> None:
     assert not page.query_selector_all("#main img, #main script")
 
 
-@pytest.mark.parametrize("path", ["", "cameras/cam", "alarms", "evidence/cam/apron/000000000000001-000001"])
+def test_an_engineer_draws_another_region_and_sees_what_it_changes(page: Page, console: Console) -> None:
+    page.goto(page.url + "regions/cam/apron", wait_until="commit")
+    page.wait_for_selector("#stage[data-ready]")
+    box = page.locator("#stage").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.1 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.2 * box["height"])
+    page.mouse.up()
+    page.wait_for_selector("#save:not([disabled])")
+    assert "# drawn by hand" in page.inner_text("#diff .in")
+    page.click("#save")
+    page.wait_for_selector("#toast:not([hidden])")
+    corner = load_config(console.config).camera("cam").roi("apron").polygon[0]
+    assert corner == pytest.approx((0.3, 0.2), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "",
+        "cameras/cam",
+        "alarms",
+        "events",
+        "shift",
+        "health",
+        "regions/cam/apron",
+        "evidence/cam/apron/000000000000001-000001",
+    ],
+)
 def test_axe_finds_no_violation(page: Page, plant: Plant, path: str) -> None:
     plant.state = "LUMP"
     plant.raise_alarm()

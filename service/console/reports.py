@@ -1,0 +1,98 @@
+"""Events and shifts: what the event log of the store says. Where the store is not on this host, that is said."""
+
+from __future__ import annotations
+
+import csv
+import heapq
+import io
+import math
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from lumpwatch.service.config import SiteConfig
+from lumpwatch.service.core import seconds_of
+from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.offline import Figures, read_shift, report_window, shift_figures
+from lumpwatch.service.storage import Event, EventLogError, event_file, read_events
+
+MOST = 2000
+COLUMNS = (
+    "time", "camera", "roi", "class", "change", "before", "after", "actor", "reason", "existence", "sequence",
+    "evidence", "lip_s", "longest_mm",
+)  # fmt: skip
+
+
+def events(config: SiteConfig, asked: Mapping[str, str], now_s: float | None = None) -> list[dict[str, Any]]:
+    """The newest events that were asked for, newest first: `since`, `camera`, `class`, `change`, `actor`.
+
+    Raises ConfigError for a time that is none and EventLogError where there is no log.
+    """
+    now_s = time.time() if now_s is None else now_s
+    since_s = _moment(asked.get("since") or "24h", now_s)
+    files = [
+        event_file(config.store.path, camera.id)
+        for camera in config.cameras
+        if asked.get("camera") in (None, "", camera.id)
+    ]
+    there = [file for file in files if file.is_file()]
+    if not there:
+        raise EventLogError(
+            "there is no event log here: nothing has happened yet, or the store is on another host"
+        )
+    found = heapq.merge(*(read_events(file, since_s) for file in there), key=lambda event: event.time_s)
+    return [event.public() for event in reversed(deque(_wanted(found, asked), MOST))]
+
+
+def as_csv(rows: list[dict[str, Any]]) -> str:
+    """The same as CSV, oldest first; a text that a spreadsheet would take for a formula is quoted."""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, COLUMNS, extrasaction="ignore")
+    writer.writeheader()
+    for row in reversed(rows):
+        writer.writerow({name: _harmless(value) for name, value in row.items()})
+    return out.getvalue()
+
+
+def shift(config: SiteConfig, when: str, now_s: float | None = None) -> Figures:
+    """The figures of a shift. Raises ConfigError and EventLogError."""
+    now_s = time.time() if now_s is None else now_s
+    about = report_window(when, config.shifts, now_s)
+    return shift_figures(config.site, about, read_shift(config, about), now_s)
+
+
+def by_hour(figures: Figures) -> list[int]:
+    """Lumps in each hour of the shift."""
+    begin = datetime.fromisoformat(figures["shift"]["begin"])
+    counts = [0] * max(1, min(168, math.ceil(figures["shift"]["hours"])))
+    for alarm in figures["alarms"]:
+        hour = int((datetime.fromisoformat(alarm["time"]) - begin).total_seconds() // 3600)
+        if 0 <= hour < len(counts):
+            counts[hour] += 1
+    return counts
+
+
+def _wanted(found: Iterator[Event], asked: Mapping[str, str]) -> Iterator[Event]:
+    for event in found:
+        told = {"class": event.alarm_class.value, "change": event.change, "actor": event.actor or ""}
+        if all(asked.get(name) in (None, "", value) for name, value in told.items()):
+            yield event
+
+
+def _moment(text: str, now_s: float) -> float:
+    try:
+        return datetime.fromisoformat(text).astimezone(UTC).timestamp()
+    except ValueError:
+        pass
+    try:
+        return now_s - seconds_of(text)
+    except ConfigError:
+        raise ConfigError(
+            f"since: '{text[:40]}' is neither a time (2024-05-17T06:00) nor a span (12h)"
+        ) from None
+
+
+def _harmless(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value
