@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 from lumpwatch.service.capture.sources.base import Source
@@ -11,8 +11,13 @@ from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Frame
 
 
-def open_recording(camera: CameraConfig, video: Path) -> Source:
-    """The camera's source, opened on a video file or a folder of images. Raises SourceError."""
+def open_recording(
+    camera: CameraConfig, video: Path, count: Callable[[str], None] = lambda _: None
+) -> Source:
+    """The camera's source, opened on a video file or a folder of images; `count` as in `make_source`.
+
+    Raises SourceError.
+    """
     config = camera.source.model_copy(
         update={"url": type(camera.source.url)(str(video)), "pace": False, "loop": False}
     )
@@ -20,7 +25,7 @@ def open_recording(camera: CameraConfig, video: Path) -> Source:
         config,
         camera.id,
         "i420" if camera.needs_colour else "gray8",
-        count=lambda _: None,
+        count=count,
         monotonic=lambda: 0.0,  # times are those of the file alone
         wall=lambda: 0.0,
     )
@@ -28,12 +33,14 @@ def open_recording(camera: CameraConfig, video: Path) -> Source:
     return source
 
 
-def read_frames(camera: CameraConfig, video: Path) -> tuple[Generator[Frame, None, None], int | None]:
+def read_frames(
+    camera: CameraConfig, video: Path, count: Callable[[str], None] = lambda _: None
+) -> tuple[Generator[Frame, None, None], int | None]:
     """All frames of a recording with times from its start, and their number where it is known.
 
-    Raises SourceError.
+    `count` is called for each that is not among them (`corrupt`). Raises SourceError.
     """
-    source = open_recording(camera, video)
+    source = open_recording(camera, video, count)
     return _frames(source), source.length
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -88,7 +89,8 @@ def replay(arguments: argparse.Namespace) -> int:
     store = PriorStore(config.store.path, config.store.keep_priors)
     priors = {roi.id: store.current(camera.id, roi.id).prior for roi in camera.rois}
     reference = ReferenceStore(config.store.path, config.store.keep_priors).current(camera.id).reference
-    frames, length = read_frames(camera, arguments.video)
+    dropped: Counter[str] = Counter()
+    frames, length = read_frames(camera, arguments.video, lambda reason: dropped.update([reason]))
     started = time.perf_counter()
     with ExitStack() as stack:
         advance = stack.enter_context(progress("replay", length))
@@ -108,6 +110,7 @@ def replay(arguments: argparse.Namespace) -> int:
             arguments.out,
             listeners=listeners,
             reference=reference,
+            dropped=dropped,
         )
     if curves is not None:
         curves.save(arguments.out / "existence.png")

@@ -99,15 +99,19 @@ def run_replay(
     decided_s: Callable[[Frame], float] = lambda frame: frame.received_s,
     reference: Reference | None = None,
     quality: CameraQuality | None = None,
+    dropped: Counter[str] | None = None,
 ) -> Summary:
     """Run the pipeline over `frames` and write states.jsonl, alarms.jsonl and summary.json into `out`.
 
     `prepare` is shown the pipeline before the first frame; `decided_s` gives the time at which a frame is decided;
-    `quality` judges the picture in the place of the pipeline. Raises ReplayError where `out` cannot be
+    `quality` judges the picture in the place of the pipeline; `dropped` is where the source counts what it could not
+    read. Raises ReplayError where `out` cannot be
     written or the file holds no frame, RegionMisfitError where no ROI fits the pictures, and what the
     source raises.
     """
     summary = Summary(site, camera.id, video, rois={roi.id: RoiSummary() for roi in camera.rois})
+    if dropped is not None:
+        summary.dropped = dropped
     pipeline = CameraPipeline(
         camera, priors, observer=_Drops(summary.dropped), reference=reference, quality=quality
     )

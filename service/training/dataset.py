@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 
@@ -108,7 +110,8 @@ def gather(camera: CameraConfig, roi: RoiConfig, clips: tuple[Clip, ...], progre
         share = (
             MOST_VIEWS // 2 // lump_free if clip.labels is None else MOST_VIEWS // (len(clips) - lump_free)
         )
-        frames, length = read_frames(only, clip.video)
+        unread: Counter[str] = Counter()
+        frames, length = read_frames(only, clip.video, partial(_add, unread))
         with closing(frames), progress(clip.name, length) as advance:
             part = read_footage(
                 roi,
@@ -120,6 +123,13 @@ def gather(camera: CameraConfig, roi: RoiConfig, clips: tuple[Clip, ...], progre
                 most_views=max(share, 1),
                 flow=flow,
             )
+        if clip.labels is not None and unread["corrupt"]:
+            raise TrainingError(
+                f"{clip.name}: {unread['corrupt']} of its frames cannot be decoded, and labels are numbered by frames: "
+                "encode it anew and label that"
+            )
+        if unread["size_changed"]:
+            raise TrainingError(f"{clip.name}: its pictures change their size: train on clips of one size")
         if clip.labels is not None:
             check_frames(clip.boxes, part.count, clip.labels, clip.name)
         first = parts[0] if parts else part
@@ -130,6 +140,10 @@ def gather(camera: CameraConfig, roi: RoiConfig, clips: tuple[Clip, ...], progre
             )
         parts.append(part)
     return _joined(roi, clips, parts)
+
+
+def _add(counts: Counter[str], reason: str) -> None:
+    counts[reason] += 1
 
 
 def _joined(roi: RoiConfig, clips: tuple[Clip, ...], parts: list[Footage]) -> Material:

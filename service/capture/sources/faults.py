@@ -10,6 +10,7 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 
 from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.decoding import refusing
 
 _WORDS = {
     Fault.UNAUTHORISED: "user or password refused",
@@ -18,8 +19,6 @@ _WORDS = {
     Fault.CODEC: "no decoder for this kind of stream",
     Fault.CORRUPT: "damaged, or not a video",
 }
-
-_CONCEAL = ("h264", "hevc")
 
 
 def fault_of(error: FFmpegError, otherwise: Fault) -> Fault:
@@ -55,9 +54,7 @@ def video_stream(container: InputContainer, name: str) -> VideoStream:
         raise SourceError(Fault.CODEC, f"{name}: no decoder for its video stream")
     # Threads that decode frames side by side would hold each frame back by one per thread.
     stream.thread_type = "NONE"
-    if stream.codec_context.name in _CONCEAL:
-        # By default these paint over damage and hand out the result as a good picture.
-        stream.codec_context.options = {"err_detect": "explode"}
+    stream.codec_context.options = refusing(stream.codec_context.name)
     return stream
 
 

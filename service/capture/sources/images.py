@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import av
@@ -11,9 +12,11 @@ from av import FFmpegError, VideoFrame
 
 from lumpwatch.service.capture.sources.assemble import Assembler
 from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.decoding import refusing
 from lumpwatch.service.capture.sources.files import os_error
 from lumpwatch.service.capture.sources.pacing import Pacer
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
+from lumpwatch.service.capture.sources.turning import Matrix, exif_matrix
 from lumpwatch.service.config import PICTURE_SUFFIXES, SourceConfig
 from lumpwatch.service.core import Frame
 
@@ -30,13 +33,20 @@ def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
 class ImageSource:
     """Plays the pictures of a folder at `fps`, or as fast as they are read; see `Source`.
 
-    A file that is no readable picture (`corrupt`) or has another size than the first
-    (`size_changed`) ends the run with a SourceError that names it.
+    A file that is no readable picture (`corrupt`) ends the run with a SourceError that names it. Pictures of another
+    size than the one before are counted (`size_changed`).
     """
 
     def __init__(
-        self, config: SourceConfig, camera_id: str, encoding: SourceEncoding, *, pacer: Pacer
+        self,
+        config: SourceConfig,
+        camera_id: str,
+        encoding: SourceEncoding,
+        *,
+        count: Callable[[str], None],
+        pacer: Pacer,
     ) -> None:
+        self._count = count
         self._config = config
         self._name = f"camera {camera_id}: {config.path}"
         self._fps = config.fps or DEFAULT_FPS
@@ -83,20 +93,25 @@ class ImageSource:
             return None
         path = self._paths[self._played % len(self._paths)]
         name = f"{self._name}/{path.name}"
-        picture = _load(path, name)
-        self._assembler.check_size(picture, name)
+        picture, matrix = _load(path, name)
+        if self._assembler.is_new_size(picture, name, matrix):
+            self._count(Fault.SIZE_CHANGED)
         times = self._pacer.wait(self._played / self._fps)
         self._played += 1
         return self._assembler.make(picture, times)
 
 
-def _load(path: Path, name: str) -> VideoFrame:
+def _load(path: Path, name: str) -> tuple[VideoFrame, Matrix | None]:
+    """The picture, and how its EXIF asks to turn it. Raises SourceError."""
     try:
+        content = path.read_bytes()
         # From memory: FFmpeg would read a percent sign in the path as a pattern.
-        with av.open(io.BytesIO(path.read_bytes()), mode="r") as container:
+        with av.open(io.BytesIO(content), mode="r") as container:
+            context = container.streams.video[0].codec_context
+            context.options = refusing(context.name)
             for picture in container.decode(video=0):
                 if not picture.is_corrupt:
-                    return picture
+                    return picture, exif_matrix(content)
     except FFmpegError:
         pass  # FFmpeg's errors are OSErrors in part, so they come first
     except OSError as error:

@@ -25,8 +25,8 @@ def make_source(
     `encoding` is that of its frames. `count` is called for each event that costs or moves a
     frame but does not end the stream: `corrupt`, `stale`, `frozen_pts` (the frame is dropped),
     `pts_jump` (time stamps did not go on from the last ones), `clock` (they contradict the arrivals),
-    `slipped` (a paced file was read too slowly and goes on later). `sleep` paces files; it may return
-    early to end a wait.
+    `size_changed` (within a file or folder: it goes on in the new size), `slipped` (a paced file was read too
+    slowly and goes on later). `sleep` paces files; it may return early to end a wait.
     """
     # Each kind imports what it needs only: a simulated feed loads no FFmpeg.
     if config.kind == "simulated":
@@ -51,7 +51,7 @@ def make_source(
     if config.kind == "images":
         from lumpwatch.service.capture.sources.images import ImageSource
 
-        return ImageSource(config, camera_id, encoding, pacer=pacer)
+        return ImageSource(config, camera_id, encoding, count=count, pacer=pacer)
     from lumpwatch.service.capture.sources.video import VideoSource
 
     return VideoSource(config, camera_id, encoding, count=count, pacer=pacer)

@@ -21,6 +21,7 @@ from av.video.stream import VideoStream
 
 from lumpwatch.service.capture.sources.assemble import Assembler
 from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.decoding import PacketDecoder
 from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, source_error, video_stream
 from lumpwatch.service.capture.sources.pacing import Times
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
@@ -65,6 +66,7 @@ class RtspSource:
         self._clock = CameraClock()
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
+        self._decoder: PacketDecoder | None = None
         self._packets: Iterator[Packet[VideoStream]] = iter(())
         self._pictures: deque[VideoFrame] = deque()
         self._pts: int | None = None
@@ -111,6 +113,7 @@ class RtspSource:
             raise failure
         assert self._container
         self._stream = video_stream(self._container, self._name)
+        self._decoder = PacketDecoder(self._stream)
         self._packets = self._container.demux(self._stream)
         self._clock.restart()
         self._pts = None
@@ -164,16 +167,15 @@ class RtspSource:
         # A packet that an interrupted read handed out had come before; when it began, at the earliest.
         interrupted = now - began >= self._config.read_timeout_s / _POLLS
         self._arrived_s = began if interrupted else now
-        try:
-            self._pictures.extend(packet.decode())
-        except av.error.EOFError:
-            pass
-        except FFmpegError:
+        assert self._decoder
+        pictures = self._decoder.decode(packet)
+        if pictures is None:
             self._drop(Fault.CORRUPT)
-        else:
-            if not self._pictures:
-                # Not yet wrong, but if it goes on, data came and no picture.
-                self._trouble = Fault.CORRUPT
+            return
+        self._pictures.extend(pictures)
+        if not self._pictures:
+            # Not yet wrong, but if it goes on, data came and no picture.
+            self._trouble = Fault.CORRUPT
 
     def _usable(self, picture: VideoFrame) -> Frame | None:
         received = self._monotonic()

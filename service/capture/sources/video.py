@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 import av
-import av.error
 from av import FFmpegError, VideoFrame
 from av.container import InputContainer
 from av.packet import Packet
@@ -20,6 +19,7 @@ from av.video.stream import VideoStream
 
 from lumpwatch.service.capture.sources.assemble import Assembler
 from lumpwatch.service.capture.sources.base import Fault, SourceError
+from lumpwatch.service.capture.sources.decoding import PacketDecoder
 from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, source_error, video_stream
 from lumpwatch.service.capture.sources.files import check_file
 from lumpwatch.service.capture.sources.pacing import Pacer
@@ -50,6 +50,7 @@ class VideoSource:
         self._clock = MediaClock(1 / _DEFAULT_FPS)
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
+        self._decoder: PacketDecoder | None = None
         self._packets: Iterator[Packet[VideoStream]] = iter(())
         self._pictures: deque[VideoFrame] = deque()
         self._bytes = 0
@@ -98,7 +99,8 @@ class VideoSource:
             self._start()
             self._clock.lap()
         self._lap_frames += 1
-        self._assembler.check_size(picture, self._name)
+        if self._assembler.is_new_size(picture, self._name):
+            self._count(Fault.SIZE_CHANGED)
         media_s, jumped = self._clock.stamp(picture.time)
         if jumped:
             self._count("pts_jump")
@@ -117,6 +119,7 @@ class VideoSource:
             raise failure
         assert self._container
         self._stream = video_stream(self._container, self._name)
+        self._decoder = PacketDecoder(self._stream)
         self._packets = self._container.demux(self._stream)
         self._cut_off = False
         self._lap_frames = 0
@@ -147,12 +150,12 @@ class VideoSource:
                 self._count(Fault.CORRUPT)
                 continue
             self._cut_off &= packet.size == 0  # the packet that flushes the decoder is empty
-            try:
-                self._pictures.extend(packet.decode())
-            except av.error.EOFError:
-                pass
-            except FFmpegError:
+            assert self._decoder
+            pictures = self._decoder.decode(packet)
+            if pictures is None:
                 self._count(Fault.CORRUPT)
+            else:
+                self._pictures.extend(pictures)
 
     def _before_start(self, picture: VideoFrame) -> bool:
         assert self._container
