@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from docs.experiments.traffic import scene as traffic
 from lumpwatch.models.trackers.jpda import associate
-from tests.reproduction.paper3_jpda import simulation, system, traffic
+from tests.reproduction.paper3_jpda import simulation, system
 
 
 def test_pixels_agree_with_the_truth() -> None:

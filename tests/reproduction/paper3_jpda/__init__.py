@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from docs.experiments.traffic.scene import LEARNING, make_sequence
 from lumpwatch.models.trackers.background.model import StatisticalBackground
 from lumpwatch.models.trackers.background.options import BackgroundOptions
 from lumpwatch.models.trackers.foreground import Foreground, MixtureForeground
@@ -20,7 +21,6 @@ from lumpwatch.models.trackers.jpda.tracker import Associator
 from tests.reproduction.paper3_jpda import page, peers, plots
 from tests.reproduction.paper3_jpda.simulation import PAPER, SETTINGS, Score, Setting, global_nearest, trial
 from tests.reproduction.paper3_jpda.system import OPTIONS, Outcome, play
-from tests.reproduction.paper3_jpda.traffic import LEARNING, make_sequence
 
 Array = NDArray[np.float64]
 DOCS = Path(__file__).parents[3] / "docs"

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from docs.experiments.traffic.scene import FRAMES, LEARNING, RATE
 from tests.reproduction.paper3_jpda.peers import Comparison
 from tests.reproduction.paper3_jpda.simulation import LOST, METHODS, PAPER, Score, Setting
 from tests.reproduction.paper3_jpda.system import LEAST_AREA, OVERLAP, SETTLING_S, VISIBLE, Outcome
-from tests.reproduction.paper3_jpda.traffic import FRAMES, LEARNING, RATE
 
 Simulated = dict[Setting, dict[str, list[Score]]]
 Compared = list[tuple[Setting, list[Comparison]]]

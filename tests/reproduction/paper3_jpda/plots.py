@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from docs.experiments.traffic.scene import LEARNING, RATE, make_sequence
 from lumpwatch.models.roi import Image
 from lumpwatch.models.trackers.foreground import Foreground
 from lumpwatch.models.trackers.tracked import TrackedObject
@@ -29,7 +30,6 @@ from tests.reproduction.paper3_jpda.simulation import (
     run,
 )
 from tests.reproduction.paper3_jpda.system import OPTIONS, play
-from tests.reproduction.paper3_jpda.traffic import LEARNING, RATE, make_sequence
 
 matplotlib.use("Agg")
 Array = NDArray[np.float64]

@@ -11,13 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from lumpwatch.models.evaluation import overlaps
-from lumpwatch.models.roi import Image
-from lumpwatch.models.trackers.foreground import Foreground, blobs
-from lumpwatch.models.trackers.jpda import JpdaOptions, JpdaTracker, OneWay, associate
-from lumpwatch.models.trackers.jpda.tracker import Associator
-from lumpwatch.models.trackers.tracked import TrackedObject
-from tests.reproduction.paper3_jpda.traffic import (
+from docs.experiments.traffic.scene import (
     DIRECTION,
     FRAMES,
     HEIGHT,
@@ -28,6 +22,12 @@ from tests.reproduction.paper3_jpda.traffic import (
     Vehicle,
     clipped,
 )
+from lumpwatch.models.evaluation import overlaps
+from lumpwatch.models.roi import Image
+from lumpwatch.models.trackers.foreground import Foreground, blobs
+from lumpwatch.models.trackers.jpda import JpdaOptions, JpdaTracker, OneWay, associate
+from lumpwatch.models.trackers.jpda.tracker import Associator
+from lumpwatch.models.trackers.tracked import TrackedObject
 
 Array = NDArray[np.float64]
 LEAST_AREA = 40

@@ -1,0 +1,1 @@
+"""Bouncing square."""
