@@ -137,12 +137,25 @@ class CameraPipeline:
             self._fit()
         self._frame, self._last_s, self._taken_s = frame, frame.capture_s, now_s
         try:
-            self.quality.picture(frame, now_s)
+            self._look(frame, now_s)
         except Exception as error:  # no region is judged by what failed, and none is CLEAR
             for region in self._regions.values():
                 self._fail(region, error)
             return self.poll(now_s)
         return tuple(self._process_region(region, frame, now_s) for region in self._regions.values())
+
+    def _look(self, frame: Frame, now_s: float) -> None:
+        """Judge the picture; a reference that cannot be judged by gives way to the stated defaults."""
+        try:
+            self.quality.picture(frame, now_s)
+        except Exception:
+            if self.reference is None:
+                raise
+            log.exception("%s: reference refused: it failed in use", self._config.id)
+            self.reference = None
+            self._given = None
+            self._fit_quality(None, frame.width, frame.height)
+            self.quality.picture(frame, now_s)
 
     def poll(self, now_s: float) -> tuple[RoiResult, ...]:
         """The decision of every ROI without a new frame: BLIND once the last one is too old."""

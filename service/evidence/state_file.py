@@ -12,9 +12,11 @@ import numpy as np
 from lumpwatch.service.core import Alarm, AlarmClass
 from lumpwatch.service.detection import FilterState, SightState, SizeTrack, Snapshot
 from lumpwatch.service.errors import LumpwatchError
-from lumpwatch.service.storage import Prior, alarm_of
+from lumpwatch.service.storage import Prior, alarm_of, load_arrays
 
 FORMAT = 1
+_MOST_BYTES = 256 << 20
+"""Unpacked; a million particles."""
 
 
 class StateError(LumpwatchError):
@@ -42,8 +44,7 @@ def encode_state(snapshot: Snapshot) -> bytes:
 def decode_state(content: bytes, name: str, prior: Prior | None) -> Snapshot:
     """The reverse of `encode_state`; `name` stands for the file in errors. Raises StateError."""
     try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-            arrays: dict[str, Any] = {key: archive[key] for key in archive.files}
+        arrays: dict[str, Any] = load_arrays(content, _MOST_BYTES)
         plain = json.loads(arrays.pop("plain").tobytes())
         if plain["format"] == FORMAT:
             return _snapshot(plain, arrays, prior)

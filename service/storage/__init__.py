@@ -1,5 +1,6 @@
 """What is kept on disk: atomic, checksummed, versioned."""
 
+from lumpwatch.service.storage.arrays import load_arrays
 from lumpwatch.service.storage.atomic import replace_file, write_new_file
 from lumpwatch.service.storage.event import Details, Event
 from lumpwatch.service.storage.event_log import (
@@ -76,6 +77,7 @@ __all__ = [
     "is_proposal",
     "known_lump",
     "latest_verdicts",
+    "load_arrays",
     "raised_alarm",
     "read_events",
     "read_file",

@@ -11,6 +11,7 @@ from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_SHARE
 from lumpwatch.models.likelihood.histogram import BINS, Channel
 from lumpwatch.models.likelihood.lump import FEATURES
 from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
+from lumpwatch.service.storage.arrays import within
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -50,6 +51,8 @@ def decode_fit(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | His
     if lump:
         return known_lump(arrays)
     _check(arrays, {"fit_reference": (BINS,), "fit_line": (2,)})
+    within("fit_reference", arrays["fit_reference"], 0.0, 1e9)
+    within("fit_line", arrays["fit_line"], -1e4, 1e4)
     offset, slope = arrays["fit_line"]
     return HistogramFit(arrays["fit_reference"], float(offset), float(slope), channel, _share(arrays))
 
@@ -58,6 +61,17 @@ def _check(arrays: Arrays, shapes: dict[str, tuple[int, ...]]) -> None:
     for key, shape in shapes.items():
         if arrays[key].shape != shape:
             raise ValueError(f"{key} has shape {arrays[key].shape}")
+
+
+_BOUNDS: dict[str, tuple[float, float]] = {
+    "fit_mean": (-1e6, 1e6),
+    "fit_scale": (1e-9, 1e6),
+    "fit_weights": (-100.0, 100.0),
+    "fit_line": (-100.0, 100.0),
+    "fit_directions": (-1e3, 1e3),
+    "fit_offsets": (-1e3, 1e3),
+}
+"""A score is a logarithm of odds: a term of hundreds would decide by itself, whatever the picture shows."""
 
 
 def known_lump(arrays: Arrays) -> LumpFit:
@@ -76,6 +90,9 @@ def known_lump(arrays: Arrays) -> LumpFit:
     if count:
         shapes |= {"fit_directions": (count, known), "fit_offsets": (count,)}
     _check(arrays, shapes)
+    for key, (low, high) in _BOUNDS.items():
+        if key in arrays:
+            within(key, arrays[key], low, high)
     return LumpFit(
         mean=mean,
         scale=arrays["fit_scale"],
@@ -92,8 +109,7 @@ def _looks(arrays: Arrays) -> float:
     if "fit_looks" not in arrays:
         return DEFAULT_LOOKS_PER_S
     (looks,) = arrays["fit_looks"]
-    if not 0.0 < looks < np.inf:
-        raise ValueError(f"{looks} looks a second")
+    within("looks a second", looks, 0.1, 1e3)
     return float(looks)
 
 
@@ -111,6 +127,5 @@ def _margin(arrays: Arrays) -> float:
     if "fit_margin" not in arrays:
         return 0.0
     (margin,) = arrays["fit_margin"]
-    if not np.isfinite(margin):
-        raise ValueError(f"a margin of {margin}")
+    within("margin", margin, -20.0, 20.0)
     return float(margin)

@@ -12,12 +12,12 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import dataclass, replace
-from datetime import datetime
-from typing import Any, Literal
+from datetime import UTC, datetime
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from lumpwatch.models.jdt.density import COMPONENTS, GridDensity
 from lumpwatch.models.jdt.motion_prior import VELOCITY_BINS, CellVelocities
@@ -26,10 +26,15 @@ from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
 from lumpwatch.service.config import RoiConfig
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import fit_arrays, tracker_arrays
+from lumpwatch.service.storage.arrays import load_arrays, within
 from lumpwatch.service.storage.checksummed import SealError, seal, unseal
 
 FORMAT = 1
-MAX_BYTES = 256 << 20
+MAX_BYTES = 64 << 20
+_MOST_MODELS = 32
+_MOST_KNOTS = 10_000
+_MOST_TEXT = 10_000
+_SINCE, _UNTIL = datetime(2000, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)
 _ASPECT_TOLERANCE = 0.01
 
 
@@ -52,6 +57,21 @@ class PriorMeta(BaseModel):
     """Names of the training videos, without their folders."""
     frames: int
     """Frames that training used."""
+
+    @model_validator(mode="after")
+    def _sound(self) -> Self:
+        """What is stored is shown to people and reckoned with, so it must be what a training can have written."""
+        texts = (self.camera, self.roi, self.source)
+        if not all(text.isprintable() and len(text) <= _MOST_TEXT for text in texts):
+            raise ValueError("names cannot be printed")
+        if self.created.tzinfo is None or not _SINCE < self.created < _UNTIL:
+            raise ValueError("the time is none")
+        within("aspect", self.aspect, 0.05, 20.0)
+        if not 3 <= len(self.polygon) <= 1000:
+            raise ValueError("the polygon has no corners")
+        within("polygon", self.polygon, -0.01, 1.01)
+        within("frames", self.frames, 0, 1e12)
+        return self
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +149,7 @@ def decode_prior(content: bytes, name: str) -> Prior:
     except SealError as error:
         raise PriorError(f"{name}: {error}") from error
     try:
-        with np.load(io.BytesIO(body), allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
+        arrays = load_arrays(body, MAX_BYTES)
         meta = json.loads(arrays.pop("meta").tobytes())
         learned = _learned(meta, arrays)
         known = {key: meta[key] for key in PriorMeta.model_fields}
@@ -173,6 +192,31 @@ def _aspect(arrays: dict[str, NDArray[Any]]) -> float:
     return float(aspect)
 
 
+_BOUNDS: dict[str, tuple[float, float]] = {
+    "rates": (-1e3, 1e3),
+    "velocity_noise": (0.0, 1e3),
+    "joint": (0.0, 1e9),
+    "births": (0.0, 1e9),
+    "label_counts": (0.0, 2.0**53),
+    "density_origin": (-1e4, 1e4),
+    "density_step": (1e-9, 1e4),
+    "density_values": (0.0, 1e12),
+    "profile_rows": (-1e3, 1e3),
+    "profile_mean": (-1e3, 1e3),
+    "profile_spread": (0.0, 1e3),
+    "birth_places": (-1e3, 1e3),
+    "cells": (0.0, 1e12),
+    "cells_scale": (1e-9, 1e6),
+}
+"""Far beyond what a region can teach; lengths are ROI heights, so a lump that moves moves by some of them a second."""
+
+
+def _check_models(models: Any) -> None:
+    named = isinstance(models, list) and all(isinstance(name, str) and name.isprintable() for name in models)
+    if not named or not 1 <= len(models) <= _MOST_MODELS or len(set(models)) < len(models):
+        raise ValueError("the models have no names")
+
+
 def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
     """Arrays back to their places; raises ValueError where a shape or number cannot be right."""
     m = len(meta["models"])
@@ -206,6 +250,18 @@ def _learned(meta: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Learned:
         raise ValueError("density does not fit the models")
     if not all(np.isfinite(array).all() for array in arrays.values()):
         raise ValueError("not finite")
+    _check_models(meta["models"])
+    if knots > _MOST_KNOTS:
+        raise ValueError("more rows than a picture has")
+    for key, (low, high) in _BOUNDS.items():
+        if key in arrays:
+            within(key, arrays[key], low, high)
+    for key in ("joint", "births"):
+        if not arrays[key].sum() > 0:
+            raise ValueError(f"{key} is zero")
+    within("row step", step, 1e-9, 1e3)
+    within("interval_s", meta["interval_s"], 1e-4, 60.0)
+    within("tracks", meta["tracks"], 0, 1e9)
     return Learned(
         models=tuple(meta["models"]),
         rates=arrays["rates"],

@@ -22,6 +22,7 @@ from lumpwatch.models.picture.reference import Light
 from lumpwatch.models.picture.region import Measure, RegionReference
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.storage.arrays import load_arrays, within
 from lumpwatch.service.storage.checksummed import SealError, seal, unseal
 from lumpwatch.service.storage.versions import Versions
 
@@ -111,11 +112,11 @@ def decode(content: bytes, name: str) -> Reference:
     except SealError as error:
         raise BadReferenceError(f"{name}: {error}") from error
     try:
-        with np.load(io.BytesIO(body), allow_pickle=False) as archive:
-            arrays = {key: archive[key] for key in archive.files}
+        arrays = load_arrays(body, MAX_BYTES)
         described = json.loads(arrays.pop("meta").tobytes())
         lights = tuple(_light(i, light, arrays) for i, light in enumerate(described["lights"]))
         meta = ReferenceMeta.model_validate(described["meta"])
+        _check(meta, lights)
     except Exception as error:
         # The checksum holds, so this is another program's file: whatever is wrong, it is no reference.
         raise BadReferenceError(
@@ -126,6 +127,34 @@ def decode(content: bytes, name: str) -> Reference:
     return Reference(meta, lights)
 
 
+_STILL_PX = (8, 640)
+_THRESHOLDS: Mapping[Measure, tuple[float, float]] = {
+    Measure.BRIGHT: (0.0, 255.0),
+    Measure.SATURATED: (0.0, 2.0),
+    Measure.SHARPNESS: (0.0, 10.0),
+    Measure.STRUCTURE: (0.0, 10.0),
+    Measure.STRANGE: (0.0, 2.0),
+    Measure.ACTIVITY: (0.0, 255.0),
+}
+"""What can be measured at all: beyond it a picture would never be fit, or always."""
+
+
+def _check(meta: ReferenceMeta, lights: tuple[Light, ...]) -> None:
+    """Raises ValueError for what no learning can have written."""
+    within("aspect", meta.aspect, 0.05, 20.0)
+    within("false share", meta.false_share, 0.0, 1.0)
+    for polygon in meta.polygons.values():
+        within("polygon", polygon, -0.01, 1.01)
+    for light in lights:
+        if set(light.regions) != set(meta.polygons):
+            raise ValueError("a light has other regions")
+        within("size of the still", light.still.shape, *_STILL_PX)
+        for region in light.regions.values():
+            within("mean", region.mean, 0.0, 255.0)
+            for measure, bounds in _THRESHOLDS.items():
+                within(measure.value, region.thresholds[measure], *bounds)
+
+
 def _light(i: int, content: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Light:
     """Numbers and arrays back to their places; raises ValueError where one cannot be right."""
     still = arrays[f"{i}_still"]
@@ -134,7 +163,7 @@ def _light(i: int, content: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) 
     regions = {}
     for k, region in enumerate(content["regions"]):
         bounds = [arrays[f"{i}_{k}_{name}"] for name in _PATTERN]
-        if any(bound.ndim != 1 or bound.shape != bounds[0].shape for bound in bounds):
+        if any(bound.ndim != 1 or bound.shape != bounds[0].shape or not bound.size for bound in bounds):
             raise ValueError("the pattern has another shape")
         usual, thresholds = ({Measure(m): float(v) for m, v in region[key].items()} for key in _NUMBERS)
         numbers = [region["mean"], *usual.values(), *thresholds.values()]

@@ -16,6 +16,9 @@ from pathlib import Path
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage.atomic import replace_file, write_new_file
 
+_DIGITS = 9
+"""Of a version: more would be no number that was ever given."""
+
 
 class StoreError(LumpwatchError):
     """The store cannot be read or written; the text names the path."""
@@ -37,7 +40,11 @@ class Versions:
             return ()
         except OSError as error:
             raise StoreError(f"{self.folder}: cannot be read ({error.strerror})") from error
-        return tuple(sorted(int(name) for name in names if name.isascii() and name.isdecimal()))
+        return tuple(
+            sorted(
+                int(name) for name in names if name.isascii() and name.isdecimal() and len(name) <= _DIGITS
+            )
+        )
 
     def path(self, version: int) -> Path:
         """File of a version."""
@@ -51,10 +58,12 @@ class Versions:
     def number(self, name: str) -> int | None:
         """The version that a pointer of that name holds; None where there is none, or it is unreadable."""
         try:
-            text = (self.folder / name).read_text(encoding="ascii", errors="replace")
+            with (self.folder / name).open(encoding="ascii", errors="replace") as file:
+                text = file.read(64)
         except OSError:
             return None
-        return int(text) if text.strip().isdigit() else None
+        text = text.strip()
+        return int(text) if text.isascii() and text.isdigit() and len(text) <= _DIGITS else None
 
     def candidates(self) -> tuple[tuple[int, ...], str | None]:
         """What may be used, best first, and what is wrong with the pointer."""

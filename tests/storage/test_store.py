@@ -188,8 +188,8 @@ def test_reading_a_file_that_is_not_there_or_too_large(tmp_path: Path) -> None:
     with pytest.raises(PriorError, match=r"none\.prior: cannot be read"):
         read_file(tmp_path / "none.prior")
     with (tmp_path / "big.prior").open("wb") as file:
-        file.truncate((256 << 20) + 1)
-    with pytest.raises(PriorError, match=r"big\.prior: .*256 MiB"):
+        file.truncate((64 << 20) + 1)
+    with pytest.raises(PriorError, match=r"big\.prior: .*64 MiB"):
         read_file(tmp_path / "big.prior")
 
 

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Clocks, Trouble
 from lumpwatch.service.errors import LumpwatchError
@@ -125,14 +123,15 @@ class ProofKeeper:
         path = self._folder / f"{roi}.json"
         try:
             result = ProofResult.model_validate_json(path.read_bytes())
+            tested_s = result.time.timestamp()
         except FileNotFoundError:
             return _Roi()
-        except (OSError, ValidationError) as error:
+        except (OSError, ValueError, OverflowError) as error:  # a file may hold anything
             log.warning(
                 "%s: cannot be read (%s); as if there had been no proof test", path, type(error).__name__
             )
             return _Roi()
         clocks = self._clocks()
-        then_s = clocks.monotonic_s - max(0.0, clocks.wall_s - result.time.timestamp())
+        then_s = clocks.monotonic_s - max(0.0, clocks.wall_s - tested_s)
         self._metrics.judged(roi, result)
         return _Roi(result, then_s, then_s)
