@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -23,3 +24,11 @@ def test_links_lead_somewhere(path: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_every_name_of_the_equations_exists() -> None:
+    names = re.findall(r"`([a-z_.]+\.[A-Za-z_]+)` \|", (ROOT / "docs" / "equations.md").read_text("utf-8"))
+    assert len(names) > 15
+    for name in names:
+        module, _, item = name.rpartition(".")
+        assert hasattr(import_module(f"lumpwatch.models.{module}"), item), name

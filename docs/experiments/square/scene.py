@@ -16,7 +16,7 @@ from lumpwatch.models.roi import Image
 
 WIDTH, HEIGHT, FPS = 160, 120, 10.0
 SIDE, CROSSING, SHOWN, EMPTY = 20, 10, 100, 30
-CONTRAST, NOISE = 100.0, 80.0
+CONTRAST, NOISE = 70.0, 80.0
 """Grey levels: of the texture around the ground, and of the noise."""
 
 
