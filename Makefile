@@ -60,7 +60,8 @@ model: setup ## net and score that ship, from FOOTAGE; some hours; see docs/mode
 	OMP_NUM_THREADS=1 $(BIN)/python -m lumpwatch.service.training.model_builder $(FOOTAGE) build/model service/detection/default_lump.npz
 	$(BIN)/python -m tests.reproduction.defaults
 
-pictures: setup ## the pictures of docs/dashboards.md; needs Debian's prometheus and chromium
+pictures: setup ## the pictures of docs/console.md and docs/dashboards.md; needs Debian's prometheus and chromium
+	$(BIN)/python -m tests.console.pictures
 	$(BIN)/python -m tests.integration.pictures
 
 # Where the image to build from is missing, it is made from Debian's packages.

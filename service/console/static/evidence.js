@@ -34,7 +34,7 @@ function follow() {
   };
   video.requestVideoFrameCallback(step);
   video.addEventListener("seeked", () => draw(video.currentTime));
-  video.addEventListener("loadeddata", () => draw(video.currentTime));
+  video.addEventListener("loadeddata", () => { video.dataset.ready = ""; draw(video.currentTime); });
 }
 
 async function verdict(outcome) {
