@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Awaitable, Callable
+from functools import wraps
 from typing import Any
 
 import anyio
@@ -14,6 +15,7 @@ from starlette.routing import Route
 from lumpwatch.service.console.context import Context
 from lumpwatch.service.console.deeds import DeedError, do
 from lumpwatch.service.console.guard import problem
+from lumpwatch.service.console.openapi import openapi
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import EvidenceError
 
@@ -29,6 +31,7 @@ class BadRequestError(LumpwatchError):
 def answered(handler: Handler) -> Handler:
     """Errors as JSON with their status."""
 
+    @wraps(handler)
     async def handle(request: Request) -> Response:
         try:
             return await handler(request)
@@ -86,6 +89,7 @@ class LiveApi:
             Route("/api/v1/stream", answered(self.stream)),
             Route("/api/v1/alarms", answered(self.alarms)),
             Route("/api/v1/me", answered(self.me)),
+            Route("/api/v1/openapi.json", answered(self.described)),
             Route("/api/v1/cameras/{camera}/picture", answered(self.picture)),
             Route(f"{region}/existence", answered(self.existence)),
             Route(f"{region}/commands/{{name}}", answered(self.command), methods=["POST"]),
@@ -115,6 +119,10 @@ class LiveApi:
         return JSONResponse(
             {"user": user.name, "role": user.role.label, "csrf": session.csrf if session else None}
         )
+
+    async def described(self, request: Request) -> Response:
+        """The API as an OpenAPI document."""
+        return JSONResponse(openapi(request.app.routes))
 
     async def picture(self, request: Request) -> Response:
         """The newest picture that is not frame `after`; waits up to 2 s, then 204."""

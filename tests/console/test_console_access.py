@@ -158,6 +158,18 @@ def test_pictures_come_with_what_was_decided_of_that_frame(console: Console) -> 
     assert client.ask("GET", "/api/v1/cameras/moon/picture")[0] == 404
 
 
+def test_the_api_describes_itself(console: Console) -> None:
+    document = json.loads(logged_in(console, "vera").ask("GET", "/api/v1/openapi.json")[2])
+    assert document["openapi"].startswith("3.1")
+    paths = document["paths"]
+    assert set(paths["/api/v1/cameras/{camera}/rois/{roi}/region"]) == {"get", "post"}
+    assert all(one["summary"] for path in paths.values() for one in path.values())
+    client = logged_in(console, "vera")
+    for path, methods in paths.items():
+        if "get" in methods and "{" not in path and not path.endswith("stream"):
+            assert client.ask("GET", path)[0] in (200, 422), path
+
+
 def test_files_of_the_package_are_all_that_is_served(console: Console, tmp_path: Path) -> None:
     client = logged_in(console, "emma")
     for path in (
