@@ -6,6 +6,8 @@ import logging
 import math
 from dataclasses import replace
 
+import cv2
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,6 +22,8 @@ from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.base import FilterState
 from lumpwatch.service.detection.sight import Sight
+from tests.belt_scene import CONFIG as BELT_CONFIG
+from tests.belt_scene import FPS, REFERENCE, belt
 from tests.service_helpers import HEIGHT, WIDTH, camera, frame, prior
 
 RULES = SightConfig()
@@ -285,3 +289,30 @@ def test_a_fast_belt_needs_more_frames(
     for k in range(100):
         sight.judged(k * every_s)
     assert sight.reason(99 * every_s) is expected
+
+
+def test_a_reference_of_another_working_size_is_refused_once_and_comes_back(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    pipeline = CameraPipeline(BELT_CONFIG, {"apron": prior()}, reference=REFERENCE)
+
+    def say(first: int, scale: float) -> set[BlindReason | None]:
+        said = set()
+        for k in range(first, first + 10):
+            small = cv2.resize(belt(k), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            shown = np.asarray(small, np.uint8)
+            size = (shown.shape[1], shown.shape[0])
+            now = k / FPS
+            said |= {one.reason for one in pipeline.process(frame(k, time_s=now, data=shown, size=size), now)}
+        return said
+
+    def known() -> object:
+        return pipeline.reference
+
+    assert BlindReason.FILTER not in say(0, 1.0)
+    assert known() is REFERENCE
+    assert BlindReason.FILTER not in say(10, 0.5)
+    assert known() is None
+    assert [record.getMessage().count("reference refused") for record in caplog.records].count(1) == 1
+    assert BlindReason.FILTER not in say(20, 1.0)
+    assert known() is REFERENCE
