@@ -137,7 +137,7 @@ def _serve(config: SiteConfig, file: Path, connection: Connection) -> None:
     try:
         from lumpwatch.service.console import run_console
     except ModuleNotFoundError as error:
-        connection.send(f"needs {error.name}: pip install 'lumpwatch[console]'")
+        connection.send(f"needs {error.name}: pip install 'lumpwatch[service,console]'")
         return
     run_console(config, file, stop, connection.send)
 

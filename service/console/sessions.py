@@ -29,26 +29,31 @@ class Session:
 
 
 class Sessions:
-    """All sessions; their tokens are random, and the oldest goes when there are too many."""
+    """All sessions; their tokens are random, and the oldest goes when there are too many.
+
+    Those without a user are counted apart: whoever calls the login page again and again logs nobody out.
+    """
 
     def __init__(self, lasts_s: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._lasts_s = lasts_s
         self._clock = clock
-        self._sessions: OrderedDict[str, Session] = OrderedDict()
+        self._known: OrderedDict[str, Session] = OrderedDict()
+        self._unknown: OrderedDict[str, Session] = OrderedDict()
 
     def begin(self, user: User | None) -> Session:
         """A new session, with a token that nobody has had before."""
         session = Session(
             secrets.token_urlsafe(32), secrets.token_urlsafe(32), user, self._clock() + self._lasts_s
         )
-        self._sessions[session.token] = session
-        while len(self._sessions) > _MOST_SESSIONS:
-            self._sessions.popitem(last=False)
+        among = self._unknown if user is None else self._known
+        among[session.token] = session
+        while len(among) > _MOST_SESSIONS:
+            among.popitem(last=False)
         return session
 
     def find(self, token: str | None) -> Session | None:
         """The session of a cookie; None where there is none, or it is over."""
-        session = self._sessions.get(token or "")
+        session = self._known.get(token or "") or self._unknown.get(token or "")
         if session is not None and self._clock() >= session.ends_s:
             self.end(session.token)
             return None
@@ -56,7 +61,8 @@ class Sessions:
 
     def end(self, token: str) -> None:
         """Forget a session."""
-        self._sessions.pop(token, None)
+        self._known.pop(token, None)
+        self._unknown.pop(token, None)
 
 
 class Throttle:

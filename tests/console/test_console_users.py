@@ -97,6 +97,14 @@ def test_a_session_ends(tmp_path: Path) -> None:
     assert sessions.find(None) is None
 
 
+def test_callers_without_a_login_log_nobody_out() -> None:
+    sessions = Sessions(60.0, Clock())
+    session = sessions.begin(User("anna", UserRole.OPERATOR))
+    for _ in range(1100):
+        sessions.begin(None)
+    assert sessions.find(session.token) == session
+
+
 def test_tries_after_five_failures_wait_ever_longer() -> None:
     clock = Clock()
     throttle = Throttle(clock)
