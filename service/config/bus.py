@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -55,19 +56,36 @@ class AccessConfig(Strict):
         return self
 
 
+def _is_local(endpoint: str) -> bool:
+    """Whether only this host reaches it, or only with a certificate."""
+    protocol, _, rest = endpoint.partition("/")
+    if protocol in ("tls", "quic", "unixsock-stream"):
+        return True
+    host = rest.split("#")[0].split("?")[0].split("/")[0].rpartition(":")[0].strip("[]")
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
 class BusConfig(Strict):
     """The daemon is the hub (`router`, the default) or joins one that exists (`client`)."""
 
     mode: Literal["router", "client"] = "router"
     """`router`: the daemon is the hub that others join. `client`: it joins the hub in `connect`."""
     listen: tuple[Endpoint, ...] = ("tcp/127.0.0.1:7447",)
-    """Endpoints on which the hub listens (router mode)."""
+    """Endpoints on which the hub listens (router mode). Without `tls` every program on this host may read, command and
+    forge."""
     connect: tuple[Endpoint, ...] = ()
     """Endpoints to join: other routers (router mode) or the hub (client mode)."""
     shared_memory: bool = True
     """Let frames travel through shared memory between processes of one host."""
     connect_timeout_s: PositiveSeconds = 10.0
     """How long a process tries its first connection before it says so and tries again."""
+    insecure: bool = False
+    """Listen beyond loopback without `tls`: everyone who reaches the address may read, command and forge."""
     tls: TlsConfig | None = None
     """Certificates; needed by endpoints that begin with `tls/` or `quic/`."""
     access: AccessConfig | None = None
@@ -89,6 +107,16 @@ class BusConfig(Strict):
         if self.mode == "router" and self.access is not None and not all(secured[: len(self.listen)]):
             # Whoever comes without a certificate has no name to go by.
             raise ValueError("access needs endpoints in listen that begin with tls/ or quic/")
+        return self
+
+    @model_validator(mode="after")
+    def _kept_in(self) -> Self:
+        open_ones = [endpoint for endpoint in self.listen if not _is_local(endpoint)]
+        if self.mode == "router" and open_ones and not self.insecure:
+            raise ValueError(
+                f"listen: {open_ones[0]} can be reached from beyond this host, and without bus.tls by everyone; "
+                "use tls/ with bus.tls, a loopback address, or bus.insecure: true"
+            )
         return self
 
     @property

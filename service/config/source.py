@@ -6,7 +6,7 @@ import os
 import re
 from pathlib import Path
 from typing import Literal, Self
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from pydantic import Field, SecretStr, field_validator, model_validator
 
@@ -17,7 +17,7 @@ PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 def redact(url: str) -> str:
-    """The URL with user, password and query replaced, fit for logs, metrics and messages.
+    """The URL with user, password, query, fragment and values in the path replaced, fit for logs and metrics.
 
     Passwords may hold any character, so everything up to the last @ is hidden.
     """
@@ -25,8 +25,44 @@ def redact(url: str) -> str:
     if not separator:
         return url
     secret, at, place = rest.rpartition("@")
-    place, question, _ = place.partition("?")
-    return f"{scheme}://{'***@' if secret or at else ''}{place}{'?***' if question else ''}"
+    if odd := re.search(r"[?#;&=]", place):
+        # Cameras take passwords in the query and in the path (`/user=…&password=…`) as well.
+        end = odd.start() if odd[0] in "?#;" else place.rfind("/", 0, odd.start()) + 1
+        place = f"{place[:end]}?***"
+    return f"{scheme}://{'***@' if secret or at else ''}{place}"
+
+
+def encoded(url: str) -> str:
+    """An RTSP URL with user and password percent-encoded; what is encoded already stays as it is.
+
+    `/ ? # @ %` may stand in a password as they are: the last @ before the host ends it.
+    """
+    scheme, separator, rest = url.partition("://")
+    secret, place = _taken_apart(rest)
+    if scheme.lower() not in ("rtsp", "rtsps") or not separator or secret is None:
+        return url
+    user, colon, password = secret.partition(":")
+    return f"{scheme}://{_quoted(user)}{colon}{_quoted(password)}@{place}"
+
+
+def _taken_apart(rest: str) -> tuple[str | None, str]:
+    """User and password, where there are, and what comes behind them."""
+    authority, slash, path = rest.partition("/")
+    if "@" in authority:
+        secret, _, host = authority.rpartition("@")
+        return secret, f"{host}{slash}{path}"
+    name = authority.partition(":")[0]
+    is_host = ":" not in authority or "." in name or name.startswith("[") or name == "localhost"
+    if is_host or "@" not in path:
+        return None, rest
+    secret, _, place = rest.rpartition("@")  # a slash in the password
+    return secret, place
+
+
+def _quoted(text: str) -> str:
+    if re.search(r"%(?![0-9A-Fa-f]{2})", text):
+        text = text.replace("%", "%25")
+    return quote(text, safe="%!$&'()*+,;=-._~")
 
 
 class BackoffConfig(Strict):
@@ -87,12 +123,17 @@ class SourceConfig(Strict):
             raise ValueError("url looks like an address without its scheme (rtsp://…)")
         if scheme in ("rtsp", "rtsps"):
             try:
-                host = urlsplit(url).hostname
+                host = urlsplit(encoded(url)).hostname
             except ValueError as error:
                 raise ValueError("url is not a valid RTSP address") from error
             if not host:
                 raise ValueError("url names no host")
         return value
+
+    @property
+    def address(self) -> str:
+        """The URL as FFmpeg wants it: user and password percent-encoded, whatever characters they were given in."""
+        return encoded(self.url.get_secret_value())
 
     @property
     def redacted(self) -> str:

@@ -203,7 +203,14 @@ class Supervisor:
         return left
 
     def _start(self, keeper: _Keeper, now: float) -> None:
-        process, connection = self._spawn(keeper.task)
+        try:
+            process, connection = self._spawn(keeper.task)
+        except OSError as error:  # no descriptor, process or memory to be had now
+            text = "%s cannot be started: %s; trying again in %.1f s"
+            log.error(text, keeper.task.name, error, keeper.pause_s)  # noqa: TRY400 - the line says it all
+            keeper.next_start_s = now + keeper.pause_s
+            keeper.pause_s = min(2 * keeper.pause_s, LONGEST_PAUSE_S)
+            return
         log.info("%s runs as process %d", keeper.task.name, process.pid)
         reader = ReportReader(connection, keeper.task.name, self._clock)
         keeper.running = _Running(process, reader, now, now)

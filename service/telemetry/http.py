@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import socket
 import threading
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import choose_encoder
 
 from lumpwatch.service.errors import LumpwatchError
+
+log = logging.getLogger(__name__)
 
 
 class TelemetryError(LumpwatchError):
@@ -70,10 +73,52 @@ class TelemetryServer:
         self._thread.join(timeout=2)
 
 
+MOST_CONNECTIONS = 32
+"""Further ones are closed at once."""
+LONGEST_S = 20.0
+"""A connection, answers included, ends after this long."""
+
+
+def _end(connection: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        connection.shutdown(socket.SHUT_RDWR)
+
+
 def _server_class(host: str) -> type[ThreadingHTTPServer]:
     class Server(ThreadingHTTPServer):
         address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         daemon_threads = True
+        request_queue_size = 16
+
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
+            super().__init__(*arguments, **named)
+
+        def process_request(self, request: Any, client_address: Any) -> None:
+            """In a thread of its own, as long as there are not too many; else the connection is closed."""
+            if not self._free.acquire(blocking=False):
+                self.shutdown_request(request)
+                return
+            try:
+                super().process_request(request, client_address)
+            except BaseException:
+                self._free.release()
+                raise
+
+        def process_request_thread(self, request: Any, client_address: Any) -> None:
+            """Answers one connection, which ends after a while whatever the client does."""
+            watch = threading.Timer(LONGEST_S, _end, (request,))
+            watch.daemon = True
+            try:
+                watch.start()
+                super().process_request_thread(request, client_address)
+            finally:
+                watch.cancel()
+                self._free.release()
+
+        def handle_error(self, request: Any, client_address: Any) -> None:
+            """A client that does odd things is its own problem: not worth a traceback."""
+            log.debug("a request from %s failed", client_address, exc_info=True)
 
     return Server
 

@@ -114,3 +114,29 @@ def test_any_arrival_gives_each_message_once_in_order_and_accounts_for_all(arriv
         lost += more
     assert out == sorted(set(out))
     assert len(out) + lost == max(arrivals) + 1
+
+
+def test_a_forged_number_keeps_no_real_message_out() -> None:
+    order = InOrder(Kept())
+    order.due(message(0))
+    forged = Message("k", b"forged", ONE, 999_999_999_999_999_998)
+    assert order.due(forged) == ([forged], 0)  # shown, and nobody is told of a trillion lost ones
+    for number in range(1, 11):
+        assert order.due(message(number)) == ([message(number)], 0)
+
+
+def test_a_forged_message_with_the_next_number_does_not_hide_the_real_one() -> None:
+    order = InOrder(Kept())
+    order.due(message(0))
+    forged = Message("k", b"forged", ONE, 1)
+    assert order.due(forged) == ([forged], 0)
+    assert order.due(message(1)) == ([message(1)], 0)
+    assert order.due(message(1)) == ([], 0)
+    assert order.due(message(2)) == ([message(2)], 0)
+
+
+def test_forged_publishers_do_not_grow_the_memory() -> None:
+    order = InOrder(Kept())
+    for n in range(5000):
+        order.due(message(0, f"{n:016x}"))
+    assert len(order._next) <= 4096

@@ -34,7 +34,7 @@ def free_endpoint() -> str:
 
 
 def hub_config(endpoint: str, *, shared_memory: bool = True) -> BusConfig:
-    return BusConfig(listen=(endpoint,), shared_memory=shared_memory)
+    return BusConfig(listen=(endpoint,), shared_memory=shared_memory, insecure=True)
 
 
 def client_config(endpoint: str, *, shared_memory: bool = True) -> BusConfig:

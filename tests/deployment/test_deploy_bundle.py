@@ -105,7 +105,9 @@ def test_ports_are_those_of_the_configuration(tmp_path: Path) -> None:
         return bundle(write(tmp_path, "sim:feed", **top), network="bridge", environ={})
 
     open_to_all = {"telemetry": {"listen": "0.0.0.0:9464"}}
-    assert on_bridge(**open_to_all, bus={"listen": ["tcp/0.0.0.0:7447", "udp/0.0.0.0:7448"]}).ports == (
+    assert on_bridge(
+        **open_to_all, bus={"listen": ["tcp/0.0.0.0:7447", "udp/0.0.0.0:7448"], "insecure": True}
+    ).ports == (
         "9464/tcp",
         "7447/tcp",
         "7448/udp",

@@ -25,6 +25,7 @@ class Fault(StrEnum):
     STALE = "stale"
     SIZE_CHANGED = "size_changed"
     ENDED = "ended"
+    UNEXPECTED = "unexpected"
 
 
 class SourceError(LumpwatchError):

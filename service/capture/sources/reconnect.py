@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import traceback
 from collections.abc import Callable, Iterator
 from enum import StrEnum
+from pathlib import Path
 from threading import Event
 from typing import Protocol
 
@@ -57,6 +59,12 @@ class Observer(Protocol):
         """A connection that had given frames has broken."""
 
 
+def _without_urls(error: Exception) -> str:
+    """Where an error arose: its text may hold the address with its password."""
+    places = [f"{Path(at.filename).name}:{at.lineno}" for at in traceback.extract_tb(error.__traceback__)]
+    return f"{type(error).__name__} at {' > '.join(places)}"
+
+
 class Backoff:
     """Pauses that double from `initial_s` to `max_s`, with a share of `jitter` drawn at random."""
 
@@ -79,7 +87,7 @@ class Backoff:
 class Reconnecting:
     """Reads a source for ever; `stop` ends it from another thread.
 
-    `read` raises nothing that the source does not raise beyond SourceError. A change of picture
+    Whatever the source raises is a fault; what is none of its own counts as `unexpected`. A change of picture
     size is reported like any fault; the source accepts the new size when it is opened again.
     Not thread-safe but for `stop` and `state`.
     """
@@ -125,6 +133,11 @@ class Reconnecting:
                 frame = self._source.read()
             except SourceError as error:
                 self._fail(error)
+                continue
+            except Exception as error:  # what a camera sends is anything: it must not end the process
+                if self._logged is not Fault.UNEXPECTED:
+                    _log.error("reading failed: %s", _without_urls(error))
+                self._fail(SourceError(Fault.UNEXPECTED, f"reading failed ({type(error).__name__})"))
                 continue
             if frame is None:
                 self._source.close()

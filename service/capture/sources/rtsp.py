@@ -100,9 +100,10 @@ class RtspSource:
         failure: SourceError | None = None
         try:
             self._container = av.open(
-                config.url.get_secret_value(),
+                config.address,
                 options=options,
                 timeout=(limit, config.read_timeout_s / _POLLS),
+                metadata_errors="replace",  # names of sessions may be in any encoding
             )
         except FFmpegError as error:
             # An interrupted open is reported as invalid data as well.

@@ -112,7 +112,7 @@ class VideoSource:
         failure: SourceError | None = None
         try:
             # The prefix keeps FFmpeg from taking a colon in the path for a protocol.
-            self._container = av.open(f"file:{self._config.path}")
+            self._container = av.open(f"file:{self._config.path}", metadata_errors="replace")
         except FFmpegError as error:
             failure = source_error(self._name, fault_of(error, Fault.CORRUPT), error)
         if failure:
