@@ -13,7 +13,14 @@ from lumpwatch.service.cli.common import Commands, add_command, camera_of, progr
 from lumpwatch.service.config import RoiConfig, SiteConfig, load_config
 from lumpwatch.service.offline import archive, boxes_of
 from lumpwatch.service.storage import FootageArchive, Prior, PriorStore, StoreError
-from lumpwatch.service.training import accept, missing_sources, recorded_clip, refine, sources_text
+from lumpwatch.service.training import (
+    accept,
+    missing_sources,
+    recorded_clip,
+    refine,
+    sources_text,
+    with_choices_of,
+)
 
 _MEGABYTE = 1_000_000
 
@@ -73,6 +80,8 @@ def refine_command(arguments: argparse.Namespace) -> int:
         for clip in given:
             keep_footage(footage, clip.video, clip.labels)
 
+    before = store.current(camera.id, roi.id).prior
+    trained = with_choices_of(trained, None if before is None else before.learned)
     prior = trained.as_prior(camera.id, roi, sources_text(names), datetime.now(UTC))
     stored = accept(store, prior, warn_and_keep, shadow=True).prior
     print(  # noqa: T201

@@ -8,7 +8,7 @@ from lumpwatch.service.training.evidence_labels import export
 from lumpwatch.service.training.evidence_rate import TRIALS
 from lumpwatch.service.training.histogram_rate import HISTOGRAM_TRIALS
 from lumpwatch.service.training.label_proposals import accept_proposals, parse_ids, to_text
-from lumpwatch.service.training.learner import Trained, learn, tempered
+from lumpwatch.service.training.learner import Trained, learn, tempered, with_choices_of
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
 from lumpwatch.service.training.proposal_sheet import contact_sheet
 from lumpwatch.service.training.proposing import suggest
@@ -50,4 +50,5 @@ __all__ = [
     "to_text",
     "training_report",
     "validation_warnings",
+    "with_choices_of",
 ]

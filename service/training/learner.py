@@ -166,6 +166,15 @@ def tempered(
     return replace(trained, learned=temper(roi, footage, learned, advance))
 
 
+def with_choices_of(trained: Trained, before: Learned | None) -> Trained:
+    """The training with the background model, working size and empty scene of an earlier one that chose them."""
+    fit, known = trained.learned.tracker, None if before is None else before.tracker
+    if fit is None or known is None:
+        return trained
+    kept = replace(fit, scene=known.scene, foreground=known.foreground, working_size_px=known.working_size_px)
+    return replace(trained, learned=replace(trained.learned, tracker=kept))
+
+
 def labelled_tracks(config: JdtConfig, roi: Roi, boxes: Sequence[Box], path: Path) -> list[Track]:
     """The labelled objects, as far as they lie inside the region. Raises LabelError."""
     names = {model.name: m for m, model in enumerate(config.models)}
