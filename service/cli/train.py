@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, HistogramFit, Learned, LumpFit
+from lumpwatch.models.learning.learned import HistogramFit, Learned
 from lumpwatch.service.capture import read_frames
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
 from lumpwatch.service.cli.refine import archive_of, keep_footage
@@ -229,9 +229,7 @@ def _judge(
     if arguments.plot is not None:
         draw_prior(stored, arguments.plot)
     with progress("cross-validation", min(arguments.folds, len(material.lumps))) as advance:
-        fit = trained.learned.likelihood
-        looks = fit.looks_per_s if isinstance(fit, LumpFit) else DEFAULT_LOOKS_PER_S
-        validation = cross_validate(roi, material, arguments.folds, advance, looks)
+        validation = cross_validate(roi, material, arguments.folds, advance, trained.learned)
     warnings = [*trained.warnings, *coverage_warnings(material, trained.learned)]
     if validation is not None:
         warnings += validation_warnings(validation, material)

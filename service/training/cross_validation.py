@@ -16,13 +16,13 @@ from lumpwatch.models.evaluation import overlaps
 from lumpwatch.models.jdt.births import polygon_births
 from lumpwatch.models.jdt.row_profile import around_limit
 from lumpwatch.models.learning import LabelledView
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, Learned
+from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.learning.validation import BOUND, Bin, Verdict, folds, judge, reliability
 from lumpwatch.models.state import H, W, X, Y
 from lumpwatch.service.config import HistogramConfig, JdtConfig, LumpConfig, NetworkConfig, RoiConfig
 from lumpwatch.service.detection import make_likelihood
 from lumpwatch.service.training.dataset import Lump, Material
-from lumpwatch.service.training.evidence_rate import with_looks
+from lumpwatch.service.training.evidence_rate import tuned_like
 from lumpwatch.service.training.footage import Moment, TrainingError
 from lumpwatch.service.training.learner import learn
 from lumpwatch.service.training.watching import watch
@@ -128,9 +128,9 @@ def cross_validate(
     material: Material,
     wanted: int,
     advance: Callable[[int], None] = lambda _: None,
-    looks_per_s: float = DEFAULT_LOOKS_PER_S,
+    like: Learned | None = None,
 ) -> Validation | None:
-    """Judge every lump, in at most `wanted` folds, with the evidence tempered to so many looks a second.
+    """Judge every lump, in at most `wanted` folds, with the looks and the margin of what was learned `like` that.
 
     `advance` is told how many folds are done.
 
@@ -150,10 +150,11 @@ def cross_validate(
         rest = material.without(lumps, FOLD_VIEWS)
         names = ", ".join(_name(material, lump) for lump in lumps)
         try:
-            learned = with_looks(learn(roi, rest.footage, rest.tracks, rest.source).learned, looks_per_s)
+            learned = learn(roi, rest.footage, rest.tracks, rest.source).learned
         except TrainingError as error:
             failures.append(f"nothing can be learned without {names} ({error})")
         else:
+            learned = learned if like is None else tuned_like(learned, like)
             verdicts = _verdicts(config, material, learned, lumps, rng)
             ratios += [one.objects[np.isfinite(one.objects)] for one in verdicts.values()]
             background += [one.hardest_ratio for one in verdicts.values() if one.hardest is not None]

@@ -1,11 +1,16 @@
-"""How much of a frame's evidence counts, learned by whether the filter's existence can be believed.
+"""How much of the evidence counts, learned by what the filter would have announced.
 
-Neighbouring frames show nearly the same, so the log likelihood ratio of each counts in part only: a second of
-frames is worth so many independent looks. Too many, and a rock that looks a little like a lump is soon taken
-for one; too few, and a lump is past before it is believed. The number is chosen by the logarithmic score of
-P(E = 1) over the labelled footage (a strictly proper scoring rule: it is best where the probability is
-right), frames with and without a lump weighing the same. The likelihood knows its own training pictures too
-well, so each quarter of the footage is judged by what the others taught (cross-fitting).
+Two numbers decide whether a filter that scores boxes well also raises the right alarms. The *margin* is how far a
+box's score must lie above even odds before it speaks for a lump: evidence gathers, so a stone that looks a little
+like a lump is believed in the end if its score is above zero at all. *Looks a second*: neighbouring frames show
+nearly the same, so the log likelihood ratio of each counts in part only; a second of frames is worth so many
+independent looks.
+
+Both are chosen by what they exist for, on the labelled footage and with the alarm as it is configured: lumps
+announced in time, less false alarms, one weighing as much as the other; among equals the largest margin. A minute with
+labels is full of lumps, and false alarms hide behind them: they are counted on the same pictures once more, with
+every labelled lump taken out of the net's maps. The score knows its own training pictures too well, so each quarter of
+the footage is judged by what the others taught (cross-fitting).
 """
 
 from __future__ import annotations
@@ -17,41 +22,52 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.models.evaluation.pairing import overlaps
 from lumpwatch.models.learning import Learned, LumpFit
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_MARGIN
+from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S
 from lumpwatch.models.likelihood.lump import Maps
-from lumpwatch.models.likelihood.net import Remembered
-from lumpwatch.models.roi import Roi
+from lumpwatch.models.likelihood.net import STRIDE, Remembered
+from lumpwatch.models.roi import Image, Roi
+from lumpwatch.models.state import H, States, W, X, Y
 from lumpwatch.service.config import DetectorConfig, JdtConfig, LumpConfig, RoiConfig
-from lumpwatch.service.detection import Detector, JdtDetector, make_detector, make_net
+from lumpwatch.service.detection import (
+    Detector,
+    JdtDetector,
+    MakeDetector,
+    RegionChannel,
+    make_detector,
+    make_net,
+)
 from lumpwatch.service.training.fitting import fit_likelihood
 from lumpwatch.service.training.footage import Footage, TrainingError
-from lumpwatch.service.training.watching import watch
+from lumpwatch.service.training.watching import Picture, watch
 
-GRID = (8.0, DEFAULT_LOOKS_PER_S, 18.0, 25.0)
-"""Looks a second that are tried, ascending; the search begins with the most."""
-MOST_WITH_LIMIT = 18.0
-"""Most that a region with a size limit may have: what is taken for a lump by its looks is still judged by its size.
-Without a limit it is the default."""
-QUIET_S = 300.0
-"""With so much footage without lumps all are tried: a minute full of lumps shows what too little evidence costs, and
-hardly what too much does."""
-MARGINS = (1.0, 1.5, DEFAULT_MARGIN)
-"""Margins that are tried, ascending; the search begins with the largest."""
-TRIALS = len(MARGINS) + len(GRID)
+MARGINS = (1.0, 1.5, 2.0, 3.0, 4.0)
+"""Margins that are tried, ascending."""
+FEW_LUMPS, MOST_WITH_FEW = 8, 2.0
+"""Fewer labelled lumps do not show what a margin above that costs."""
+LOOKS = (8.0, 18.0)
+"""Looks a second that are tried beside the default."""
+TRIALS = len(MARGINS) + len(LOOKS)
 """Candidates that are judged, at most."""
 FOLDS = 4
 FIT_VIEWS = 450
 """Pictures that a fold learns from, at most."""
-_SURE = 0.001
-"""Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
+LEAST_WARNING_S = 1.0
+"""A lump that is announced later than so long before its last label is taken for missed."""
+LEAST_OVERLAP = 0.3
+"""Intersection over union from which a reported box lies on a labelled one."""
+_NO_BODY = -8.0
+"""Logit."""
+_REACH = 1.2
+"""How large a part of the maps belongs to a lump, in units of its box."""
 
 
 def temper(roi: RoiConfig, footage: Footage, learned: Learned, advance: Callable[[int], None]) -> Learned:
-    """What was learned with its looks a second; as it was where the footage cannot teach them.
+    """What was learned with its margin and looks a second; as it was where the footage cannot teach them.
 
-    That is where the likelihood is no lump's, `evidence` is configured, all frames or none show a lump, or a
-    part of the footage teaches nothing. `advance` is told how many candidates have been judged.
+    That is where the likelihood is no lump's, `evidence` is configured, hardly a picture is labelled, or a part of the
+    footage teaches nothing. `advance` is told how many candidates have been judged.
     """
     config, fit = roi.detector, learned.likelihood
     if not isinstance(config, JdtConfig) or not isinstance(config.likelihood, LumpConfig):
@@ -67,46 +83,98 @@ def temper(roi: RoiConfig, footage: Footage, learned: Learned, advance: Callable
         return learned
     if not fits:
         return learned
-
-    def score(looks: float, margin: float) -> float:
-        existence = [
-            _existence(roi, fold.judged, tuned(replace(learned, likelihood=one), looks, margin), maps)
-            for fold, one in zip(folds, fits, strict=True)
-        ]
-        present = [_labelled(fold.judged) for fold in folds]
-        return log_score(np.concatenate(existence), np.concatenate(present))
-
+    cleared = without_objects(footage, maps)
     done = iter(range(1, TRIALS + 1))
-    margins = MARGINS if config.likelihood.margin is None else (config.likelihood.margin,)
-    margin = _best(reversed(margins), lambda one: score(fit.looks_per_s, one), lambda: advance(next(done)))
-    quiet_s = footage.interval_s * footage.count * float(1.0 - _labelled(footage).mean())
-    most = DEFAULT_LOOKS_PER_S if footage.roi.limit_px is None else MOST_WITH_LIMIT
-    tried = [looks for looks in GRID if looks <= most or quiet_s >= QUIET_S]
-    looks = _best(reversed(tried), lambda one: score(one, margin), lambda: advance(next(done)))
-    return tuned(learned, looks, margin)
+
+    def worth(looks: float, margin: float) -> int:
+        announced, false = Announced(), 0
+        for fold, one in zip(folds, fits, strict=True):
+            tried = tuned(replace(learned, likelihood=one), looks, margin)
+            for picture, channel in watch(roi, fold.judged, tried, make=_with(maps)):
+                announced.add(picture, channel, footage)
+            false += _raised(channel for _, channel in watch(roi, fold.judged, tried, make=_with(cleared)))
+        advance(next(done))
+        return announced.in_time - false
+
+    margins: tuple[float, ...] = MARGINS
+    if config.likelihood.margin is not None:
+        margins = (config.likelihood.margin,)
+    elif learned.tracks < FEW_LUMPS:
+        margins = tuple(margin for margin in MARGINS if margin <= MOST_WITH_FEW)
+    reached = {margin: worth(DEFAULT_LOOKS_PER_S, margin) for margin in margins}
+    margin = best(reached)
+    others = {looks: worth(looks, margin) for looks in LOOKS}
+    looks = max(others, key=lambda one: others[one])
+    return tuned(learned, looks if others[looks] > reached[margin] else DEFAULT_LOOKS_PER_S, margin)
 
 
-def _best(tried: Iterable[float], score: Callable[[float], float], told: Callable[[], None]) -> float:
-    """The one with the best score, which has one peak: it is past where a score is no better than the last."""
-    best, best_score = np.nan, -np.inf
-    for one in tried:
-        reached = score(one)
-        told()
-        if reached <= best_score:
-            break
-        best, best_score = one, reached
-    return best
+def best(reached: dict[float, int]) -> float:
+    """The margin with the highest worth; among equals the largest."""
+    return max(reached, key=lambda margin: (reached[margin], margin))
 
 
-def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
-    """Mean log probability given to what was so, over frames with and without an object weighing the same.
+class Announced:
+    """Which labelled lumps were announced, and when they were seen last."""
 
-    Raises ValueError where one of them is missing.
-    """
-    if present.all() or not present.any():
-        raise ValueError("frames with and frames without an object are needed")
-    p = np.clip(existence, _SURE, 1.0 - _SURE)
-    return float(np.log(p[present]).mean() + np.log(1.0 - p[~present]).mean())
+    def __init__(self) -> None:
+        self._last: dict[tuple[int, int], float] = {}
+        self._first: dict[tuple[int, int], float] = {}
+
+    def add(self, picture: Picture, channel: RegionChannel, footage: Footage) -> None:
+        """What stands after a picture."""
+        view, moment = picture
+        for track in moment.tracks:
+            key = moment.clip, track
+            self._last[key] = max(moment.time_s, self._last.get(key, moment.time_s))
+        said = channel.detection
+        if said is None or not channel.alarm.active or not said.objects or not moment.tracks:
+            return
+        boxes = footage.roi.to_working(np.array([[one.x, one.y, one.w, one.h] for one in said.objects]))
+        labelled = view.objects[:, [X, Y, W, H]]
+        on = (overlaps(_corners(labelled), _corners(boxes)) > LEAST_OVERLAP).any(axis=1)
+        for track, is_on in zip(moment.tracks, on, strict=True):
+            if is_on:
+                self._first.setdefault((moment.clip, track), moment.time_s)
+
+    @property
+    def in_time(self) -> int:
+        """Lumps announced so long before they were seen last."""
+        return sum(self._last[key] - first >= LEAST_WARNING_S for key, first in self._first.items())
+
+
+def without_objects(footage: Footage, maps: Maps) -> Maps:
+    """The maps of the footage's pictures as if no labelled object lay in them: neither body nor outline."""
+    objects = {id(item.view.gray): item.objects for item in footage.views}
+
+    def cleared(gray: Image) -> NDArray[np.float32]:
+        seen = maps(gray).copy()
+        for area in _areas(objects[id(gray)]):
+            seen[:2, *area] = _NO_BODY
+        return seen
+
+    return cleared
+
+
+def _areas(objects: States) -> list[tuple[slice, slice]]:
+    """Rows and columns of the cells that belong to each object."""
+    half = 0.5 * _REACH * objects[:, [W, H]]
+    low = np.maximum(np.floor((objects[:, [X, Y]] - half) / STRIDE), 0).astype(int)
+    high = np.maximum(np.ceil((objects[:, [X, Y]] + half) / STRIDE), 0).astype(int)
+    return [(slice(y0, y1), slice(x0, x1)) for (x0, y0), (x1, y1) in zip(low, high, strict=True)]
+
+
+def _corners(boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Boxes given by middle and sides (n, 4), by their upper left corner and sides (n, 4)."""
+    return np.hstack([boxes[:, :2] - 0.5 * boxes[:, 2:], boxes[:, 2:]])
+
+
+def _raised(channels: Iterable[RegionChannel]) -> int:
+    """How often the alarm was raised."""
+    count, was = 0, False
+    for channel in channels:
+        count += channel.alarm.active and not was
+        was = channel.alarm.active
+    return count
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +186,9 @@ class Fold:
 
 
 def cut_in_folds(footage: Footage) -> list[Fold]:
-    """Stretches with equally many labelled pictures each; none where there are not both kinds of pictures."""
+    """Stretches with equally many labelled pictures each; none where hardly a picture is labelled."""
     labelled = np.flatnonzero(_labelled(footage))
-    if len(labelled) < FOLDS or len(labelled) == len(footage.views):
+    if len(labelled) < FOLDS:
         return []
     cuts = [0, *(int(labelled[k * len(labelled) // FOLDS]) for k in range(1, FOLDS)), len(footage.views)]
     found = []
@@ -139,12 +207,6 @@ def _labelled(footage: Footage) -> NDArray[np.bool_]:
     return np.array([len(item.objects) > 0 for item in footage.views], dtype=np.bool_)
 
 
-def with_looks(learned: Learned, looks_per_s: float) -> Learned:
-    """The same with other looks a second, where its likelihood is a lump's."""
-    fit = learned.likelihood
-    return learned if not isinstance(fit, LumpFit) else tuned(learned, looks_per_s, fit.margin)
-
-
 def tuned(learned: Learned, looks_per_s: float, margin: float) -> Learned:
     """The same with other looks a second and another margin, where its likelihood is a lump's."""
     fit = learned.likelihood
@@ -153,13 +215,18 @@ def tuned(learned: Learned, looks_per_s: float, margin: float) -> Learned:
     return replace(learned, likelihood=replace(fit, looks_per_s=looks_per_s, margin=margin))
 
 
-def _existence(roi: RoiConfig, footage: Footage, learned: Learned, maps: Maps) -> NDArray[np.float64]:
-    """Existence after each picture, every clip from its beginning."""
+def tuned_like(learned: Learned, other: Learned) -> Learned:
+    """The same with looks and margin of another."""
+    fit = other.likelihood
+    return learned if not isinstance(fit, LumpFit) else tuned(learned, fit.looks_per_s, fit.margin)
+
+
+def _with(maps: Maps) -> MakeDetector:
+    """Makes detectors that ask these maps."""
 
     def make(config: DetectorConfig, geometry: Roi, learned: Learned | None) -> Detector:
         if isinstance(config, JdtConfig):
             return JdtDetector(config, geometry, learned, maps)
         return make_detector(config, geometry, learned)
 
-    said = [channel.detection for _, channel in watch(roi, footage, learned, make=make)]
-    return np.array([detection.existence for detection in said if detection is not None])
+    return make
