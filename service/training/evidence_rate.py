@@ -132,7 +132,7 @@ class Announced:
         boxes = footage.roi.to_working(np.array([[one.x, one.y, one.w, one.h] for one in said.objects]))
         labelled = view.objects[:, [X, Y, W, H]]
         on = (overlaps(_corners(labelled), _corners(boxes)) > LEAST_OVERLAP).any(axis=1)
-        for track, is_on in zip(moment.tracks, on, strict=True):
+        for track, is_on in zip(moment.tracks, np.atleast_1d(on), strict=True):
             if is_on:
                 self._first.setdefault((moment.clip, track), moment.time_s)
 
