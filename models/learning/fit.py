@@ -43,6 +43,9 @@ from lumpwatch.models.state import States
 _LUMP_RIDGE = 3e-3
 _TRUST = 0.02
 """Ridge towards what is known of lumps elsewhere."""
+_PARTS = 2
+"""Where something is known, each round looks for mistakes in so large a part of the pictures, in turn: neighbouring ones
+show nearly the same."""
 _NO_RIDGE = 1e-6
 
 
@@ -80,8 +83,9 @@ def fit_lump(
     if len(found) == 0:
         raise ValueError("no labelled box lies inside the region")
     fit = _fit_features(found, np.concatenate([*beside, *badly]), known)
-    for _ in range(rounds):
-        for item, births, seen in _observed(_likelihood(fit, maps), seen_once):
+    part = 1 if known is None else _PARTS
+    for k in range(rounds):
+        for item, births, seen in _observed(_likelihood(fit, maps), seen_once[k % part :: part] or seen_once):
             beside.append(_usable(seen, mistaken(seen, births, item.taken, rng)))
             badly.append(_usable(seen, tempting(seen, item.objects, rng)))
         missed = np.concatenate([*beside, *badly])

@@ -51,7 +51,7 @@ LOOKS = (8.0, 18.0)
 TRIALS = len(MARGINS) + len(LOOKS)
 """Candidates that are judged, at most."""
 FOLDS = 4
-FIT_VIEWS = 450
+FIT_VIEWS = 300
 """Pictures that a fold learns from, at most."""
 LEAST_WARNING_S = 1.0
 """A lump that is announced later than so long before its last label is taken for missed."""

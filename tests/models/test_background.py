@@ -220,7 +220,7 @@ def test_saved_model_goes_on_in_the_same_way() -> None:
 def test_threads_do_not_matter() -> None:
     rng = np.random.default_rng(8)
     place = textured(rng)
-    pictures = [noisy(place, rng, 10.0) for _ in range(50)]
+    pictures = [noisy(place, rng, 10.0) for _ in range(40)]
     one, two = (StatisticalBackground(BackgroundOptions(threads=n, least_change=5.0)) for n in (1, 2))
     for picture in pictures:
         assert np.array_equal(one.apply(picture), two.apply(picture))

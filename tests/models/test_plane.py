@@ -85,7 +85,7 @@ def test_errors_of_points_and_boxes_are_carried_through() -> None:
     assert stated is not None
     rng = np.random.default_rng(5)
     seen = []
-    for seed in range(400):
+    for seed in range(200):
         noise = ERRORS * rng.standard_normal(6)
         one = measure(plane(2.0, moved=2.0, seed=seed), box + noise[:4], moving + noise[4:], ERRORS)
         assert one is not None

@@ -33,6 +33,8 @@ from lumpwatch.service.training.refining import (
 from tests.service_helpers import frame, same, site, site_tree
 
 OF = ("cam", "apron")
+SMALL = {"working_size_px": 160, "likelihood": {"kind": "lump", "evidence": 0.8}}
+"""With a given share of evidence, training does not look for it."""
 
 
 def box(number: int, track: int, model: str | None = None) -> Box:
@@ -123,7 +125,7 @@ def feeds(tmp_path_factory: pytest.TempPathFactory) -> Feeds:
         videos.append(written.video.rename(written.video.with_name(f"{name}.mp4")))
         written.labels.rename(videos[-1].with_suffix(".txt"))
     tree = site_tree()
-    tree["cameras"][0]["rois"][0] |= {"polygon": polygon, "detector": {"working_size_px": 160}}
+    tree["cameras"][0]["rois"][0] |= {"polygon": polygon, "detector": SMALL}
     nothing = FeedSpec(seed=5, width=320, height=240, fps=15.0, lumps_per_minute=0)
     written = write_video(nothing, 2.0, tmp_path_factory.mktemp("empty"))
     return Feeds((videos[0], videos[1]), written.video.rename(written.video.with_name("empty.mp4")), tree)
