@@ -44,8 +44,8 @@ _LUMP_RIDGE = 3e-3
 _TRUST = 0.02
 """Ridge towards what is known of lumps elsewhere."""
 _PARTS = 2
-"""Where something is known, each round looks for mistakes in so large a part of the pictures, in turn: neighbouring ones
-show nearly the same."""
+"""Where something is known, each round looks for mistakes in one of so many parts of the pictures, in turn:
+neighbouring ones show nearly the same."""
 _NO_RIDGE = 1e-6
 
 

@@ -2,7 +2,7 @@
 
 A histogram of colours says the same of an object in every frame, or something new in each, as the noise of the camera
 has it. The share of a frame's log likelihood ratio that counts is the one with the best logarithmic score of existence
-over the labelled frames (a strictly proper rule, as in `evidence_rate`). Before that, the noise of the motion models is
+over the labelled frames (a strictly proper rule). Before that, the noise of the motion models is
 chosen: the one under which the filter expects the pictures best, by its log evidence with all of each frame. Noise too
 small loses the object at each turn, noise too large spreads the particles over places where it is not. With a share of
 each frame the evidence would be none of any law, and say little.
@@ -20,7 +20,6 @@ from lumpwatch.models.learning import HistogramFit, Learned
 from lumpwatch.models.roi import Roi
 from lumpwatch.service.config import DetectorConfig, HistogramConfig, JdtConfig, RoiConfig
 from lumpwatch.service.detection import Detector, JdtDetector, make_detector
-from lumpwatch.service.training.evidence_rate import log_score
 from lumpwatch.service.training.footage import Footage
 from lumpwatch.service.training.watching import watch
 
@@ -31,6 +30,21 @@ NOISES_H_S = (0.015, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0)
 """Velocity noise of the quietest model that is tried, ROI heights a second gathered in one second."""
 HISTOGRAM_TRIALS = len(SHARES) + len(NOISES_H_S)
 """Candidates that are judged, at most."""
+
+
+_SURE = 0.001
+"""Existence is taken as no nearer to 0 and 1 than this, or one frame could decide the score."""
+
+
+def log_score(existence: NDArray[np.float64], present: NDArray[np.bool_]) -> float:
+    """Mean log probability given to what was so, over frames with and without an object weighing the same.
+
+    Raises ValueError where one of them is missing.
+    """
+    if present.all() or not present.any():
+        raise ValueError("frames with and frames without an object are needed")
+    p = np.clip(existence, _SURE, 1.0 - _SURE)
+    return float(np.log(p[present]).mean() + np.log(1.0 - p[~present]).mean())
 
 
 def tune_histogram(
