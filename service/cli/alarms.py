@@ -63,7 +63,11 @@ def alarms(arguments: argparse.Namespace) -> int:
             with lock:
                 if done.is_set():
                     return
-                _print(payload.decode(errors="replace") if arguments.json else describe_alarm(payload))
+                try:
+                    _print(payload.decode(errors="replace") if arguments.json else describe_alarm(payload))
+                except BrokenPipeError:  # who read has gone
+                    done.set()
+                    return
                 seen += 1
                 if arguments.count is not None and seen >= arguments.count:
                     done.set()

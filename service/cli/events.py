@@ -87,7 +87,8 @@ def _table(found: Iterator[Event]) -> None:
             when, where, str(event.sequence), event.change, event.after, event.actor or "", event.reason or ""
         )
     width = None if sys.stdout.isatty() else _WIDE
-    Console(highlight=False, width=width).print(table)
+    # Operators' words are words: square brackets in them are no mark-up.
+    Console(highlight=False, markup=False, width=width).print(table)
 
 
 def _jsonl(found: Iterator[Event]) -> None:
