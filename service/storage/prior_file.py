@@ -64,7 +64,7 @@ class PriorMeta(BaseModel):
         texts = (self.camera, self.roi, self.source)
         if not all(text.isprintable() and len(text) <= _MOST_TEXT for text in texts):
             raise ValueError("names cannot be printed")
-        if self.created.tzinfo is None or not _SINCE < self.created < _UNTIL:
+        if self.created.tzinfo is None or not _SINCE <= self.created < _UNTIL:
             raise ValueError("the time is none")
         within("aspect", self.aspect, 0.05, 20.0)
         if not 3 <= len(self.polygon) <= 1000:

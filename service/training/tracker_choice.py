@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -22,8 +21,9 @@ from lumpwatch.service.capture import read_frames
 from lumpwatch.service.config import CameraConfig, ImmPfConfig, JdtConfig, RoiConfig
 from lumpwatch.service.core import working_colour
 from lumpwatch.service.detection import RegionChannel, make_region
-from lumpwatch.service.storage import Box, Prior, PriorMeta
+from lumpwatch.service.storage import Box, Prior
 from lumpwatch.service.training.dataset import Clip, Material
+from lumpwatch.service.training.watching import bound
 
 SIZES = (320, 512, 768)
 """Working sizes that are tried, ascending; none larger than the region."""
@@ -76,7 +76,7 @@ def choose(
     tried: list[Tried] = []
 
     def score(candidate: TrackerFit, text: str) -> float:
-        prior = _bound(roi, material, replace(learned, tracker=candidate))
+        prior = bound(roi, material.footage, replace(learned, tracker=candidate))
         reached = float(np.mean([_score(only, roi, clip, prior) for clip in clips]))
         tried.append(Tried(text, reached))
         advance(len(tried))
@@ -117,20 +117,6 @@ def _named(fit: TrackerFit) -> str:
     if fit.foreground.kind == "mixture":
         return f"mixture with threshold {fit.foreground.threshold:g}"
     return fit.foreground.kind
-
-
-def _bound(roi: RoiConfig, material: Material, learned: Learned) -> Prior:
-    footage = material.footage
-    meta = PriorMeta(
-        camera="",
-        roi=roi.id,
-        created=datetime.fromtimestamp(0, UTC),
-        polygon=roi.polygon,
-        aspect=footage.width / footage.height,
-        source="",
-        frames=footage.count,
-    )
-    return Prior(meta, learned)
 
 
 def _pictures(

@@ -13,6 +13,8 @@ from lumpwatch.service.training.footage import Footage, Moment
 
 Picture = tuple[LabelledView, Moment]
 
+_CREATED = datetime(2000, 1, 1, tzinfo=UTC)
+
 
 def watch(
     roi: RoiConfig,
@@ -30,18 +32,18 @@ def watch(
             continue
         if moment.clip != clip:
             clip = moment.clip
-            channel = RegionChannel(roi, _bound(roi, footage, learned), make=make)
+            channel = RegionChannel(roi, bound(roi, footage, learned), make=make)
             channel.fit(footage.width, footage.height)
         channel.step_working(view.view.gray, view.view.colour, moment.time_s)
         yield (view, moment), channel
 
 
-def _bound(roi: RoiConfig, footage: Footage, learned: Learned) -> Prior:
-    """What was learned, as a prior for the region and the pictures that it was learned from."""
+def bound(roi: RoiConfig, footage: Footage, learned: Learned) -> Prior:
+    """What was learned, as a prior for the region and the pictures that it was learned from; it is never stored."""
     meta = PriorMeta(
         camera="",
         roi=roi.id,
-        created=datetime.fromtimestamp(0, UTC),
+        created=_CREATED,
         polygon=roi.polygon,
         aspect=footage.width / footage.height,
         source="",

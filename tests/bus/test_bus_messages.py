@@ -313,13 +313,13 @@ def test_liveliness_of_a_token_and_of_its_process(hub: Bus, two: Bus) -> None:
         with open_client(client_config(hub.endpoints[0]), wait=False) as client:
             token = client.alive(key)
             eventually(lambda: tokens.events[1:] == [(key, True)])
-            assert tokens.present() == [key, before]
+            eventually(lambda: tokens.present() == [key, before])
             token.close()
             eventually(lambda: tokens.events[2:] == [(key, False)])
             client.alive(key)
             eventually(lambda: tokens.events[3:] == [(key, True)])
         eventually(lambda: tokens.events[4:] == [(key, False)])
-        assert tokens.present() == [before]
+        eventually(lambda: tokens.present() == [before])
 
 
 def test_parameters_on_the_wire() -> None:
