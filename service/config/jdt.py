@@ -26,7 +26,7 @@ class LumpConfig(Strict):
     `train` learned of that, or its default."""
     margin: Annotated[float, Field(ge=-10.0, le=10.0)] | None = None
     """How far a box's log likelihood ratio must lie above zero before it speaks for a lump. More: fewer false alarms,
-    and lumps that hardly show are missed. Left out: that of the prior, or 2.5."""
+    and lumps that hardly show are missed. Left out: that of the prior, or 2."""
     bound: Positive = 3.0
     """Largest log likelihood ratio of one frame, so that a single frame never decides."""
 
