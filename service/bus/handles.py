@@ -6,6 +6,7 @@ import contextlib
 import re
 from collections.abc import Callable
 from functools import partial
+from time import sleep
 from typing import Protocol, TypeVar
 
 import zenoh
@@ -49,12 +50,25 @@ class Handle:
             closer()
 
 
+_TRIES, _PAUSE_S = 100, 0.01
+
+
 def undeclares(declared: Declared) -> Callable[[], None]:
-    """A closer that takes it back; nothing happens where it, or its session, is already closed."""
+    """A closer that takes it back; nothing happens where it, or its session, is already closed.
+
+    While another thread puts by it (which may be waiting for a reader), zenoh refuses with RuntimeError. It is tried
+    again for a second; then the end of the session takes it back.
+    """
 
     def close() -> None:
-        with contextlib.suppress(zenoh.ZError):
-            declared.undeclare()
+        for _ in range(_TRIES):
+            with contextlib.suppress(zenoh.ZError):
+                try:
+                    declared.undeclare()
+                except RuntimeError:
+                    sleep(_PAUSE_S)
+                    continue
+            return
 
     return close
 

@@ -51,7 +51,7 @@ def camera(name: str, url: str, **source: Any) -> str:
     one["rois"][0]["alarm"] = {
         "latch": False,
         "off_delay_s": 0.3,
-        "blind": {"on_delay_s": 0.5, "off_delay_s": 0.3},
+        "blind": {"on_delay_s": 0.5, "off_delay_s": 0.3, "window_s": 1.5},
     }
     return f"  - {json.dumps(one)}\n"
 

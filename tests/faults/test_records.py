@@ -194,7 +194,7 @@ def start(
     for name in names:
         (one,) = site_tree(particles=100)["cameras"]
         one |= {"id": name, "blind_after_s": BLIND_AFTER_S}
-        blind = {"on_delay_s": 0.5, "off_delay_s": 0.3}
+        blind = {"on_delay_s": 0.5, "off_delay_s": 0.3, "window_s": 1.5}
         one["rois"][0]["alarm"] |= {"off_delay_s": 1.0, "blind": blind}
         cameras.append(f"  - {json.dumps(one)}\n")
     daemon = Daemon(folder, "".join(cameras), bus)
