@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import YAMLError
-from ruamel.yaml.events import AliasEvent
+from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, Event
 
 from lumpwatch.service.config.base import Id
 from lumpwatch.service.config.site import SiteConfig
@@ -21,6 +21,7 @@ from lumpwatch.service.errors import ConfigError
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 _MAX_BYTES = 4 << 20
+_MOST_LEVELS = 50  # a configuration has some ten
 
 
 def load_config(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
@@ -104,8 +105,10 @@ def _read_yaml(text: str) -> dict[Any, Any]:
     """The tree in the text; aliases are refused, since a few of them can stand for gigabytes."""
     try:
         events = YAML(typ="safe", pure=True).parse(text)
-        alias = next((event for event in events if isinstance(event, AliasEvent)), None)
+        alias = _first_alias(events)
         tree = YAML(typ="safe", pure=True).load(text) if alias is None else None
+    except ConfigError:
+        raise
     except DuplicateKeyError as error:
         # The parser's own words hold the values as well, which may be secret.
         key = re.match(r'found duplicate key "([^"]*)"', str(error.problem))
@@ -122,6 +125,19 @@ def _read_yaml(text: str) -> dict[Any, Any]:
     if not isinstance(tree, dict):
         raise ConfigError("expected a mapping with the keys site and cameras")
     return tree
+
+
+def _first_alias(events: Iterable[Event]) -> AliasEvent | None:
+    """Of the whole text; raises ConfigError at what is nested too deeply: reading takes the square of the depth."""
+    depth = 0
+    for event in events:
+        if isinstance(event, AliasEvent):
+            return event
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        if depth > _MOST_LEVELS:
+            mark = event.start_mark
+            raise ConfigError(f"line {mark.line + 1}, column {mark.column + 1}: more than {_MOST_LEVELS} levels")
+    return None
 
 
 def _place(error: YAMLError) -> str:

@@ -30,8 +30,11 @@ class Tokens:
         self._session.close()  # type: ignore[no-untyped-call]
 
     def present(self) -> list[str]:
-        """The keys of those that are there now, sorted."""
-        replies = self._session.liveliness().get(self._selector, timeout=2.0)
+        """The keys of those that are there now, sorted. Raises TimeoutError where the hub has not answered in time."""
+        replies = list(self._session.liveliness().get(self._selector, timeout=10.0))
+        for reply in replies:
+            if reply.err is not None:
+                raise TimeoutError(f"{self._selector}: {reply.err.payload.to_string()}")
         return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
     def _changed(self, sample: zenoh.Sample) -> None:

@@ -30,7 +30,9 @@ from tests.service_helpers import site_tree
         ("%YAML 9.9\n---\nsite: a\n", "incompatible"),
         ("site: *nowhere\n", "alias"),
         ("site: 2020-99-99\n", "not valid YAML"),
-        ("[" * 5000, "line 1"),
+        ("[" * 5000, "line 1, column 51: more than 50 levels"),
+        ("- " * 5000, "line 1, column 101: more than 50 levels"),
+        ("a: {" * 5000, "more than 50 levels"),
         ("site: " + "9" * 5000, "not valid YAML"),
     ],
 )
