@@ -136,7 +136,9 @@ def _first_alias(events: Iterable[Event]) -> AliasEvent | None:
         depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
         if depth > _MOST_LEVELS:
             mark = event.start_mark
-            raise ConfigError(f"line {mark.line + 1}, column {mark.column + 1}: more than {_MOST_LEVELS} levels")
+            raise ConfigError(
+                f"line {mark.line + 1}, column {mark.column + 1}: more than {_MOST_LEVELS} levels"
+            )
     return None
 
 

@@ -54,7 +54,7 @@ def video_stream(container: InputContainer, name: str) -> VideoStream:
         raise SourceError(Fault.CODEC, f"{name}: no decoder for its video stream")
     # Threads that decode frames side by side would hold each frame back by one per thread.
     stream.thread_type = "NONE"
-    stream.codec_context.options = refusing(stream.codec_context.name)
+    stream.codec_context.options = refusing(stream.codec_context.name, container.format.name)
     return stream
 
 
