@@ -51,12 +51,18 @@ class BlindAlarmConfig(ConditionAlarmConfig):
 
     on_delay_s: Delay = 5.0
     """How long the ROI must be BLIND in all within `window_s`; the state says so at once."""
-    window_s: PositiveSeconds = 30.0
-    """The time over which that is summed up. The alarm stands as long as the ROI went blind more than once in it."""
+    window_s: PositiveSeconds | None = None
+    """The time over which that is summed up. The alarm stands as long as the ROI went blind more than once in it. Left
+    out: 30 s, or as long as `on_delay_s` where that is longer."""
+
+    @property
+    def summed_over_s(self) -> float:
+        """`window_s`, or its default."""
+        return max(30.0, self.on_delay_s) if self.window_s is None else self.window_s
 
     @model_validator(mode="after")
     def _within(self) -> Self:
-        if self.window_s < self.on_delay_s:
+        if self.summed_over_s < self.on_delay_s:
             raise ValueError(
                 f"window_s ({self.window_s:g}) must not be shorter than on_delay_s ({self.on_delay_s:g})"
             )

@@ -69,12 +69,12 @@ class RegionAlarms:
 
     def _step_blind(self, reason: str | None, now_s: float) -> tuple[AlarmChange, ...]:
         rules, before = self._channel.config.alarm.blind, self._others[AlarmClass.BLIND]
-        self._blind = self._blind.step(now_s, holds=reason is not None, window_s=rules.window_s)
+        self._blind = self._blind.step(now_s, holds=reason is not None, window_s=rules.summed_over_s)
         if before.active:
             sees_s = self._blind.free_for_s(now_s)
             blind = reason is not None or self._blind.many or sees_s < rules.off_delay_s - _ROUNDING_S
         else:
-            total_s = self._blind.total_s(now_s, rules.window_s)
+            total_s = self._blind.total_s(now_s, rules.summed_over_s)
             blind = reason is not None and total_s >= rules.on_delay_s - _ROUNDING_S
         alarm, transition = step_alarm(before, self._at_once, float(blind), now_s)
         if transition is not None and reason is not None:

@@ -210,7 +210,7 @@ def test_flapping_ends_in_an_alarm_that_stands() -> None:
         said += belt.frames(4.0) + belt.wait(2.5)
     changes = [change for change, _ in blind_alarm(said)]
     assert changes == [Change.RAISED]
-    window_s = CONFIG.rois[0].alarm.blind.window_s
+    window_s = CONFIG.rois[0].alarm.blind.summed_over_s
     after = belt.frames(RULES.warm_up_s + window_s - 8.0, 0.1)
     assert blind_alarm(after) == []
     assert [change for change, _ in blind_alarm(belt.frames(8.0))] == [Change.CLEARED]
