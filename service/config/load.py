@@ -187,11 +187,8 @@ def _first_problem(error: ValidationError) -> str:
     """One line: key, what was expected, what was found (never a secret), and how many more there are."""
     found_all = error.errors(include_url=False, include_context=False)
     # A list whose entry is wrong is reported as too short as well: only the innermost problems speak.
-    problems = [
-        p
-        for p in found_all
-        if not any(p["loc"] == q["loc"][: len(p["loc"])] and p["loc"] != q["loc"] for q in found_all)
-    ]
+    holders = {one["loc"][:depth] for one in found_all for depth in range(len(one["loc"]))}
+    problems = [one for one in found_all if one["loc"] not in holders]
     first = problems[0]
     where = ""
     for part in first["loc"]:
