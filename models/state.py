@@ -53,3 +53,9 @@ def blank(n: int) -> States:
 def scaled(states: States, factor: float) -> States:
     """The same states in a picture scaled by `factor`; every component is a length or a length per time."""
     return states * factor
+
+
+def corners(states: States) -> NDArray[np.float64]:
+    """The states' boxes by their upper left corner and sides (n, 4)."""
+    sides = states[:, W : H + 1]
+    return np.hstack([states[:, X : Y + 1] - sides / 2, sides])

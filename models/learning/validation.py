@@ -13,7 +13,7 @@ from lumpwatch.models.evaluation import overlaps
 from lumpwatch.models.jdt.births import PolygonBirths
 from lumpwatch.models.learning.examples import LabelledView
 from lumpwatch.models.likelihood import Likelihood
-from lumpwatch.models.state import H, States, W, X, Y
+from lumpwatch.models.state import corners
 
 BOUND = 1e6
 """Bound of a likelihood under test: what lies beyond it was no log ratio but a box outside the polygon."""
@@ -46,7 +46,7 @@ def judge(
     seen = likelihood.observe(item.view)
     elsewhere = births.draw(tried, rng)[0]
     if len(item.objects):
-        share = overlaps(_corners(elsewhere), _corners(item.objects)).max(axis=1)
+        share = overlaps(corners(elsewhere), corners(item.objects)).max(axis=1)
         elsewhere = elsewhere[share < MOST_OVERLAP]
     background = seen.log_ratio(elsewhere)
     inside = np.abs(background) < BOUND
@@ -57,12 +57,6 @@ def judge(
         background,
         elsewhere[background.argmax()] if len(background) else None,
     )
-
-
-def _corners(states: States) -> NDArray[np.float64]:
-    """Boxes (n, 4) by their top left corner."""
-    size = states[:, W : H + 1]
-    return np.hstack([states[:, X : Y + 1] - size / 2, size])
 
 
 @dataclass(frozen=True, slots=True)

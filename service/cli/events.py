@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import csv
-import heapq
 import json
 import sys
 import time
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -17,9 +15,9 @@ from rich.table import Table
 
 from lumpwatch.service.cli.common import Commands, add_command, camera_of
 from lumpwatch.service.config import load_config
-from lumpwatch.service.core import seconds_of
+from lumpwatch.service.core import moment_of
 from lumpwatch.service.errors import ConfigError
-from lumpwatch.service.storage import Event, EventLogError, event_file, read_events
+from lumpwatch.service.storage import Event, EventLogError, event_file, merged_events
 
 _COLUMNS = (
     "time", "monotonic_s", "camera", "roi", "class", "change", "before", "after", "actor", "reason",
@@ -59,23 +57,17 @@ def events(arguments: argparse.Namespace) -> int:
     there = [file for file in files if file.is_file()]
     if not there:
         raise EventLogError(f"{files[0].parent}: holds no event log (nothing has happened yet?)")
-    found = heapq.merge(*(read_events(file, since_s) for file in there), key=lambda event: event.time_s)
+    found = merged_events(there, since_s)
     {"table": _table, "jsonl": _jsonl, "csv": _csv}[arguments.format](found)
     return 0
 
 
 def moment(text: str, now_s: float) -> float:
     """Seconds since the epoch of an ISO 8601 time, or of a span before `now_s`; raises ConfigError."""
-    try:
-        return datetime.fromisoformat(text).astimezone(UTC).timestamp()
-    except ValueError:
-        pass
-    try:
-        return now_s - seconds_of(text)
-    except ConfigError:
-        raise ConfigError(
-            f"--since '{text}': is neither a time (2024-05-17T06:00) nor a span (12h)"
-        ) from None
+    found_s = moment_of(text, now_s)
+    if found_s is None:
+        raise ConfigError(f"--since '{text}': is neither a time (2024-05-17T06:00) nor a span (12h)")
+    return found_s
 
 
 def _table(found: Iterator[Event]) -> None:

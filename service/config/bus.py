@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import ipaddress
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
+from lumpwatch.service.config.address import is_loopback
 from lumpwatch.service.config.base import PositiveSeconds, Strict
 
 Endpoint = Annotated[
@@ -62,12 +62,7 @@ def _is_local(endpoint: str) -> bool:
     if protocol in ("tls", "quic", "unixsock-stream"):
         return True
     host = rest.split("#")[0].split("?")[0].split("/")[0].rpartition(":")[0].strip("[]")
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return is_loopback(host)
 
 
 class BusConfig(Strict):

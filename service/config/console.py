@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import ipaddress
 from enum import IntEnum
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
+from lumpwatch.service.config.address import HostPort, host_and_port, is_loopback
 from lumpwatch.service.config.base import PositiveSeconds, Strict
 from lumpwatch.service.config.bus import TlsConfig
 
@@ -64,7 +64,7 @@ class ProxyConfig(Strict):
 class ConsoleConfig(Strict):
     """The web page for operators and commissioning engineers (`lumpwatch console`)."""
 
-    listen: str = "127.0.0.1:8080"
+    listen: HostPort = "127.0.0.1:8080"
     """`host:port` of the page; port 0 takes a free one."""
     users: Path | None = None
     """File with users, made by `lumpwatch users`; a relative path begins at the configuration file."""
@@ -89,14 +89,6 @@ class ConsoleConfig(Strict):
     work_mb: int = Field(default=4096, ge=64, le=1_000_000)
     """Room for uploaded videos and what work on them makes, MiB."""
 
-    @field_validator("listen")
-    @classmethod
-    def _address(cls, value: str) -> str:
-        host, _, port = value.rpartition(":")
-        if not host or not port.isdigit() or not 0 <= int(port) <= 65535:
-            raise ValueError(f"'{value}' is not host:port")
-        return value
-
     @model_validator(mode="after")
     def _closed(self) -> Self:
         if self.loopback:
@@ -112,17 +104,12 @@ class ConsoleConfig(Strict):
     @property
     def address(self) -> tuple[str, int]:
         """Host and port."""
-        host, _, port = self.listen.rpartition(":")
-        return host.strip("[]"), int(port)
+        return host_and_port(self.listen)
 
     @property
     def loopback(self) -> bool:
         """Whether only this host reaches it."""
-        host = self.address[0]
-        try:
-            return ipaddress.ip_address(host).is_loopback
-        except ValueError:
-            return host == "localhost"
+        return is_loopback(self.address[0])
 
     @property
     def visitor(self) -> UserRole | None:

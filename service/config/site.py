@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
+from lumpwatch.service.config.address import HostPort, host_and_port
 from lumpwatch.service.config.base import Id, PositiveSeconds, Strict
 from lumpwatch.service.config.bus import BusConfig
 from lumpwatch.service.config.cameras import CameraConfig
@@ -32,22 +33,13 @@ class StoreConfig(Strict):
 class TelemetryConfig(Strict):
     """Where metrics and health are served."""
 
-    listen: str = "127.0.0.1:9464"
+    listen: HostPort = "127.0.0.1:9464"
     """`host:port` of `/metrics`, `/livez`, `/readyz` and `/startupz`."""
-
-    @field_validator("listen")
-    @classmethod
-    def _address(cls, value: str) -> str:
-        host, _, port = value.rpartition(":")
-        if not host or not port.isdigit() or not 0 <= int(port) <= 65535:
-            raise ValueError(f"'{value}' is not host:port")
-        return value
 
     @property
     def address(self) -> tuple[str, int]:
         """Host and port; port 0 takes a free one."""
-        host, _, port = self.listen.rpartition(":")
-        return host.strip("[]"), int(port)
+        return host_and_port(self.listen)
 
 
 class SiteConfig(Strict):

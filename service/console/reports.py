@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import csv
-import heapq
 import io
 import math
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
 from lumpwatch.service.config import SiteConfig
-from lumpwatch.service.core import seconds_of
+from lumpwatch.service.core import moment_of
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.offline import Figures, read_shift, report_window, shift_figures
-from lumpwatch.service.storage import Event, EventLogError, event_file, read_events
+from lumpwatch.service.storage import Event, EventLogError, event_file, merged_events
 
 MOST = 2000
 COLUMNS = (
@@ -42,7 +41,7 @@ def events(config: SiteConfig, asked: Mapping[str, str], now_s: float | None = N
         raise EventLogError(
             "there is no event log here: nothing has happened yet, or the store is on another host"
         )
-    found = heapq.merge(*(read_events(file, since_s) for file in there), key=lambda event: event.time_s)
+    found = merged_events(there, since_s)
     return [event.public() for event in reversed(deque(_wanted(found, asked), MOST))]
 
 
@@ -82,16 +81,10 @@ def _wanted(found: Iterator[Event], asked: Mapping[str, str]) -> Iterator[Event]
 
 
 def _moment(text: str, now_s: float) -> float:
-    try:
-        return datetime.fromisoformat(text).astimezone(UTC).timestamp()
-    except ValueError:
-        pass
-    try:
-        return now_s - seconds_of(text)
-    except ConfigError:
-        raise ConfigError(
-            f"since: '{text[:40]}' is neither a time (2024-05-17T06:00) nor a span (12h)"
-        ) from None
+    found_s = moment_of(text, now_s)
+    if found_s is None:
+        raise ConfigError(f"since: '{text[:40]}' is neither a time (2024-05-17T06:00) nor a span (12h)")
+    return found_s
 
 
 def _harmless(value: Any) -> Any:

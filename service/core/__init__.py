@@ -48,7 +48,7 @@ from lumpwatch.service.core.decision import (
     Trouble,
 )
 from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize, NotCounted, Unlocated
-from lumpwatch.service.core.duration import seconds_of
+from lumpwatch.service.core.duration import moment_of, seconds_of
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
@@ -99,6 +99,7 @@ __all__ = [
     "label_of",
     "log_to_stderr",
     "luma_of",
+    "moment_of",
     "put_back",
     "reduced_frame",
     "reset",

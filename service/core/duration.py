@@ -1,8 +1,9 @@
-"""Spans of time as people write them."""
+"""Spans and times as people write them."""
 
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime
 
 from lumpwatch.service.errors import ConfigError
 
@@ -17,3 +18,15 @@ def seconds_of(text: str) -> float:
     if "".join(number + unit for number, unit in parts) != text or not span_s > 0:
         raise ConfigError(f"'{text}' is not a time such as 90s, 30m or 1h30m")
     return span_s
+
+
+def moment_of(text: str, now_s: float) -> float | None:
+    """Seconds since the epoch of an ISO 8601 time, or of a span before `now_s`; None where it is neither."""
+    try:
+        return datetime.fromisoformat(text).astimezone(UTC).timestamp()
+    except ValueError:
+        pass
+    try:
+        return now_s - seconds_of(text)
+    except ConfigError:
+        return None

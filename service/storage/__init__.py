@@ -9,7 +9,7 @@ from lumpwatch.service.storage.event_log import (
     alarm_of,
     event_file,
 )
-from lumpwatch.service.storage.event_log_reader import read_events, reading
+from lumpwatch.service.storage.event_log_reader import merged_events, read_events, reading
 from lumpwatch.service.storage.event_log_writer import EventWriter, Retention
 from lumpwatch.service.storage.event_notes import (
     Span,
@@ -78,6 +78,7 @@ __all__ = [
     "known_lump",
     "latest_verdicts",
     "load_arrays",
+    "merged_events",
     "raised_alarm",
     "read_events",
     "read_file",

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import heapq
 import logging
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lumpwatch.service.storage.event import Event
@@ -22,6 +23,11 @@ log = logging.getLogger(__name__)
 
 _NO_EVENT = (ValueError, TypeError, KeyError)
 _MOST_UNREADABLE = 100_000
+
+
+def merged_events(paths: Iterable[Path], since_s: float | None = None) -> Iterator[Event]:
+    """Those of several files, oldest first; see `read_events`."""
+    return heapq.merge(*(read_events(path, since_s) for path in paths), key=lambda event: event.time_s)
 
 
 def read_events(path: Path, since_s: float | None = None) -> Iterator[Event]:

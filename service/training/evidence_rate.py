@@ -28,7 +28,7 @@ from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S
 from lumpwatch.models.likelihood.lump import Maps
 from lumpwatch.models.likelihood.net import STRIDE, Remembered
 from lumpwatch.models.roi import Image, Roi
-from lumpwatch.models.state import H, States, W, X, Y
+from lumpwatch.models.state import H, States, W, X, Y, blank, corners
 from lumpwatch.service.config import DetectorConfig, JdtConfig, LumpConfig, RoiConfig
 from lumpwatch.service.detection import (
     Detector,
@@ -129,9 +129,10 @@ class Announced:
         said = channel.detection
         if said is None or not channel.alarm.active or not said.objects or not moment.tracks:
             return
-        boxes = footage.roi.to_working(np.array([[one.x, one.y, one.w, one.h] for one in said.objects]))
-        labelled = view.objects[:, [X, Y, W, H]]
-        on = (overlaps(_corners(labelled), _corners(boxes)) > LEAST_OVERLAP).any(axis=1)
+        reported = blank(len(said.objects))
+        boxes = np.array([[one.x, one.y, one.w, one.h] for one in said.objects])
+        reported[:, [X, Y, W, H]] = footage.roi.to_working(boxes)
+        on = (overlaps(corners(view.objects), corners(reported)) > LEAST_OVERLAP).any(axis=1)
         for track, is_on in zip(moment.tracks, np.atleast_1d(on), strict=True):
             if is_on:
                 self._first.setdefault((moment.clip, track), moment.time_s)
@@ -161,11 +162,6 @@ def _areas(objects: States) -> list[tuple[slice, slice]]:
     low = np.maximum(np.floor((objects[:, [X, Y]] - half) / STRIDE), 0).astype(int)
     high = np.maximum(np.ceil((objects[:, [X, Y]] + half) / STRIDE), 0).astype(int)
     return [(slice(y0, y1), slice(x0, x1)) for (x0, y0), (x1, y1) in zip(low, high, strict=True)]
-
-
-def _corners(boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Boxes given by middle and sides (n, 4), by their upper left corner and sides (n, 4)."""
-    return np.hstack([boxes[:, :2] - 0.5 * boxes[:, 2:], boxes[:, 2:]])
 
 
 def _raised(channels: Iterable[RegionChannel]) -> int:
