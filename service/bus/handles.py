@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
 from collections.abc import Callable
 from functools import partial
@@ -62,13 +61,13 @@ def undeclares(declared: Declared) -> Callable[[], None]:
 
     def close() -> None:
         for _ in range(_TRIES):
-            with contextlib.suppress(zenoh.ZError):
-                try:
-                    declared.undeclare()
-                except RuntimeError:
-                    sleep(_PAUSE_S)
-                    continue
-            return
+            try:
+                return declared.undeclare()
+            except zenoh.ZError:
+                return None
+            except RuntimeError:
+                sleep(_PAUSE_S)
+        return None
 
     return close
 
