@@ -49,8 +49,6 @@ def test_every_lump_is_announced_before_it_falls(site: Path, tmp_path: Path, see
     assert all(one.warned_s is not None and one.warned_s >= 1.0 for one in found)
 
 
-# The margin that a minute full of lumps teaches lets medium rocks of the simulator pass: docs/model-card.md, Limits.
-@pytest.mark.xfail(reason="false alarms on rock of the simulator with the net's learned margin", strict=False)
 def test_a_feed_without_lumps_raises_no_alarm_in_two_minutes(site: Path) -> None:
     camera = load_config(site).camera("crusher-1")
     prior = PriorStore(load_config(site).store.path).current("crusher-1", "apron").prior
