@@ -8,6 +8,7 @@ from lumpwatch.service.config.cameras import CameraConfig, LatencyConfig, RoiCon
 from lumpwatch.service.config.console import ConsoleConfig, UserRole
 from lumpwatch.service.config.detector import DetectorConfig
 from lumpwatch.service.config.evidence import EvidenceConfig, ShiftsConfig
+from lumpwatch.service.config.feed import FeedConfig
 from lumpwatch.service.config.jdt import (
     ExistenceConfig,
     HistogramConfig,
@@ -46,6 +47,7 @@ __all__ = [
     "DetectorConfig",
     "EvidenceConfig",
     "ExistenceConfig",
+    "FeedConfig",
     "HistogramConfig",
     "ImmPfConfig",
     "JdtConfig",

@@ -76,6 +76,15 @@ class SystemAlarmConfig(ConditionAlarmConfig):
     """How soon an operator must respond."""
 
 
+class BlockedAlarmConfig(ConditionAlarmConfig):
+    """The alarm that a mouth is blocked: class `blocked`, of regions with `watch: mouth`."""
+
+    on_delay_s: Delay = 8.0
+    """How long material must stand in the mouth without a break while the feed runs."""
+    latch: bool = True
+    """After the mouth is free, stay in RETURNED until someone acknowledges."""
+
+
 class AlarmConfig(AnnunciationConfig):
     """Hysteresis and delays between the probability of existence and the alarm of class `lump`."""
 
@@ -95,6 +104,8 @@ class AlarmConfig(AnnunciationConfig):
     """The alarm that the ROI cannot judge."""
     system: SystemAlarmConfig = SystemAlarmConfig()
     """The alarm that the ROI does not judge as well as it must."""
+    blocked: BlockedAlarmConfig = BlockedAlarmConfig()
+    """The alarm that material stands in the mouth that the ROI watches."""
 
     def of_class(self, alarm_class: str) -> AlarmConfig | ConditionAlarmConfig:
         """The rules of one class of alarm."""

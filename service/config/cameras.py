@@ -10,6 +10,7 @@ from lumpwatch.service.config.alarm import AlarmConfig
 from lumpwatch.service.config.base import Id, PositiveSeconds, Strict, Unit
 from lumpwatch.service.config.calibration import CalibrationConfig
 from lumpwatch.service.config.detector import DetectorConfig
+from lumpwatch.service.config.feed import FeedConfig
 from lumpwatch.service.config.jdt import JdtConfig
 from lumpwatch.service.config.learning import LearningConfig
 from lumpwatch.service.config.proof import ProofTestConfig
@@ -63,6 +64,8 @@ class RoiConfig(Strict):
     """The filter that runs on this ROI."""
     calibration: CalibrationConfig | None = None
     """Where the belt lies, for sizes in millimetres; left out: sizes are judged by what training saw."""
+    feed: FeedConfig = FeedConfig()
+    """Whether the feed runs, stands or is empty."""
     alarm: AlarmConfig = AlarmConfig()
     """Thresholds and delays of the alarm."""
     proof_test: ProofTestConfig = ProofTestConfig()

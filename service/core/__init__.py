@@ -41,6 +41,8 @@ from lumpwatch.service.core.debounce import DebounceTimes, ReasonDebouncer
 from lumpwatch.service.core.decision import (
     AlarmChange,
     BlindReason,
+    Blockage,
+    BlockedReason,
     Decision,
     LipReason,
     PictureQuality,
@@ -49,6 +51,7 @@ from lumpwatch.service.core.decision import (
 )
 from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize, NotCounted, Unlocated
 from lumpwatch.service.core.duration import moment_of, seconds_of
+from lumpwatch.service.core.feed import FeedState, FeedStatus, PlantFeed, VisibleSizes
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
@@ -66,6 +69,8 @@ __all__ = [
     "AlarmRequestError",
     "AlarmState",
     "BlindReason",
+    "Blockage",
+    "BlockedReason",
     "CameraClock",
     "Change",
     "Changed",
@@ -75,6 +80,8 @@ __all__ = [
     "DetectedObject",
     "Detection",
     "Encoding",
+    "FeedState",
+    "FeedStatus",
     "Frame",
     "Hold",
     "LipReason",
@@ -82,6 +89,7 @@ __all__ = [
     "MediaClock",
     "NotCounted",
     "PictureQuality",
+    "PlantFeed",
     "Priority",
     "ReasonDebouncer",
     "RoiResult",
@@ -92,6 +100,7 @@ __all__ = [
     "Trouble",
     "Unlocated",
     "VideoWriter",
+    "VisibleSizes",
     "acknowledge",
     "all_of",
     "announce_again",

@@ -49,6 +49,8 @@ class AlarmClass(StrEnum):
     BLIND = "blind"
     SYSTEM = "system"
     """The ROI judges, but not as well as it must: too late, or a proof test has failed."""
+    BLOCKED = "blocked"
+    """Material stands still in a crusher's mouth or a chute while the feed runs; of regions that watch one."""
 
 
 class AlarmState(StrEnum):

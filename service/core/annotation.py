@@ -9,6 +9,7 @@ COLOURS = {
     Decision.CLEAR: (110, 200, 90),
     Decision.LUMP: (60, 60, 235),
     Decision.BLIND: (0, 190, 240),
+    Decision.BLOCKED: (60, 60, 235),
 }
 """Of a decision, blue, green and red."""
 NOT_COUNTED = (150, 150, 150)

@@ -9,15 +9,18 @@ from enum import StrEnum
 from lumpwatch.models.picture.region import Measure
 from lumpwatch.service.core.alarm import Alarm, AlarmClass, Priority, Transition
 from lumpwatch.service.core.detection import Detection, Unlocated
+from lumpwatch.service.core.feed import FeedStatus
 from lumpwatch.service.core.frame import Frame
 
 
 class Decision(StrEnum):
-    """The three-valued decision of a ROI."""
+    """The decision of a ROI: CLEAR, BLIND, and LUMP on a belt or BLOCKED in a mouth."""
 
     CLEAR = "CLEAR"
     LUMP = "LUMP"
     BLIND = "BLIND"
+    BLOCKED = "BLOCKED"
+    """A mouth is blocked: in place of LUMP where a region watches one."""
 
 
 class BlindReason(StrEnum):
@@ -71,6 +74,29 @@ class Trouble(StrEnum):
     """A second monitor announces under the name of the camera."""
     EVENT_LOG = "event_log"
     """The event log is not written, or was replaced by another."""
+    FEED_SIGNAL = "feed_signal"
+    """The plant's signal of the feed has not agreed with what is seen for long."""
+
+
+class BlockedReason(StrEnum):
+    """What a blockage is known by."""
+
+    STANDING = "standing"
+    """Material has stood in the mouth without a break while the feed ran."""
+    LUMP = "lump"
+    """A lump that was followed into the mouth has not gone through."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blockage:
+    """What the mouth of a crusher looks like."""
+
+    standing: float
+    """Share of the mouth in which material stands still."""
+    stood_s: float
+    """For how long enough of it has, without a break while the feed runs."""
+    reason: BlockedReason | None = None
+    """Why it counts as blocked; None: it does not."""
 
 
 class LipReason(StrEnum):
@@ -138,6 +164,10 @@ class RoiResult:
     """When the pipeline got the frame, on the clock of its `received_s`; None where no frame has come yet."""
     quality: PictureQuality = PictureQuality()
     """What is known of the picture."""
+    feed: FeedStatus | None = None
+    """What the feed does; None where that is not looked at."""
+    blockage: Blockage | None = None
+    """What a mouth looks like; None on a belt, and before anything was seen."""
 
     @property
     def alarm(self) -> Alarm:

@@ -20,7 +20,9 @@ from lumpwatch.service.core import (
     AlarmClass,
     BlindReason,
     Decision,
+    FeedStatus,
     Frame,
+    PlantFeed,
     RoiResult,
     Trouble,
     acknowledge,
@@ -52,6 +54,8 @@ class _Region:
     """Why it does not fit the picture."""
     last_s: float | None = None
     """When it last judged a frame, on the clock of `now_s`."""
+    plant: PlantFeed | None = None
+    """What the plant has said of the feed."""
     told: set[str] = field(default_factory=set)
     """Failures of the filter whose traceback is in the log."""
 
@@ -177,6 +181,10 @@ class CameraPipeline:
         """Do something to an alarm; raises KeyError for a ROI that does not exist, and what `action` raises."""
         region = self._regions[roi_id]
         return self._result(region, region.alarms.apply(alarm_class, action, now_s), now_s)
+
+    def plant(self, roi_id: str, said: PlantFeed | None) -> None:
+        """What the plant says of a ROI's feed from now on; None: nothing. Raises KeyError for an unknown ROI."""
+        self._regions[roi_id].plant = said
 
     def snapshots(self) -> dict[str, Snapshot]:
         """Of every ROI, before the next frame."""
@@ -338,7 +346,15 @@ class CameraPipeline:
             changes=changes,
             taken_s=self._taken_s,
             quality=quality,
+            feed=self._feed(region, now_s),
         )
+
+    def _feed(self, region: _Region, now_s: float) -> FeedStatus | None:
+        if not region.channel.config.feed.enabled:
+            return None
+        if region.plant is not None and now_s >= region.plant.until_s:
+            region.plant = None
+        return FeedStatus(plant=region.plant)
 
     def _blind(self, region: _Region, now_s: float) -> BlindReason | None:
         if self._frame is None:

@@ -30,7 +30,9 @@ class RegionAlarms:
 
     def __init__(self, channel: RegionChannel) -> None:
         self._channel = channel
-        self._others: dict[AlarmClass, Alarm] = {AlarmClass.BLIND: Alarm(), AlarmClass.SYSTEM: Alarm()}
+        self._others: dict[AlarmClass, Alarm] = {
+            alarm_class: Alarm() for alarm_class in AlarmClass if alarm_class is not AlarmClass.LUMP
+        }
         self._blind = Spells()
         rules = channel.config.alarm.blind
         self._at_once = rules.model_copy(update={"on_delay_s": 0.0, "off_delay_s": 0.0})

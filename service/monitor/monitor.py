@@ -19,6 +19,7 @@ from lumpwatch.service.core import (
     Changed,
     Clocks,
     Frame,
+    PlantFeed,
     RoiResult,
     Rules,
     Trouble,
@@ -36,7 +37,7 @@ from lumpwatch.service.monitor.proofs import Proofs
 from lumpwatch.service.monitor.rivals import Rivals
 from lumpwatch.service.monitor.shadow_runner import ShadowRunner
 from lumpwatch.service.monitor.verdict_handler import verdict_handler
-from lumpwatch.service.protocol import EvidenceRequest, PriorRequest, ProofRequest
+from lumpwatch.service.protocol import EvidenceRequest, FeedReply, FeedRequest, PriorRequest, ProofRequest
 from lumpwatch.service.storage import (
     EventWriter,
     Prior,
@@ -137,6 +138,7 @@ class Monitor:
                 "evidence": self._show_evidence,
                 "prior": self._show_prior,
                 "proof": self._run_proof,
+                "feed": self._take_plant_feed,
             },
             refused=metrics.refused,
         )
@@ -220,6 +222,16 @@ class Monitor:
 
     def _run_proof(self, roi: str, request: ProofRequest) -> bytes:
         return self._proofs.test(roi, request.actor).line()
+
+    def _take_plant_feed(self, roi: str, request: FeedRequest) -> bytes:
+        """Compare what is seen with the plant's signal for as long as that is valid."""
+        said = None
+        if request.valid_s > 0.0:
+            until_s = self._now() + request.valid_s
+            said = PlantFeed(request.signal, until_s, request.runs, request.speed_mm_s)
+        with self._lock:
+            self._pipeline.plant(roi, said)
+        return FeedReply(taken=said is not None).line()
 
     def _decide(self, frame: Frame | None, now: float) -> tuple[RoiResult, ...]:
         """Filter and announce; nothing for a frame that is not newer, or that does not fit."""

@@ -1,6 +1,6 @@
 """Replay of evidence: the same pipeline, from the stored filter state, on the stored frames and times.
 
-Where the evidence is exact, every line of `states.jsonl` comes out as it was decided live, to the byte.
+Where the evidence is exact, every line of `states.jsonl` comes out as it was decided live, but for what the feed did.
 """
 
 from __future__ import annotations
@@ -115,7 +115,18 @@ def replay_evidence(evidence: Evidence, out: Path, listeners: tuple[FrameListene
         decided_s=lambda frame: decided_s[frame.seq],
         quality=quality,
     )
-    live = evidence.read(STATES).splitlines()
-    again = (out / "states.jsonl").read_bytes().splitlines()
+    live = [_judged(line) for line in evidence.read(STATES).splitlines()]
+    again = [_judged(line) for line in (out / "states.jsonl").read_bytes().splitlines()]
     same = next((k for k, (a, b) in enumerate(zip(live, again, strict=False)) if a != b), None)
     return Compared(summary, min(len(live), len(again)) if same is None else same, len(live))
+
+
+def _judged(line: bytes) -> object:
+    """A state line without what the feed did: that follows from pictures before the first that is kept."""
+    try:
+        state = json.loads(line)
+    except ValueError as error:
+        raise EvidenceError(f"{STATES}: a line is not JSON") from error
+    if isinstance(state, dict):
+        state.pop("feed", None)
+    return state

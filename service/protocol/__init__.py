@@ -1,7 +1,15 @@
 """The contract of the bus and of files: messages, commands, their schemas, and how results become records."""
 
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
-from lumpwatch.service.protocol.commands import COMMANDS, Cli, Command, Lane, PriorRequest
+from lumpwatch.service.protocol.commands import (
+    COMMANDS,
+    Cli,
+    Command,
+    FeedReply,
+    FeedRequest,
+    Lane,
+    PriorRequest,
+)
 from lumpwatch.service.protocol.evidence import (
     CAMERA,
     CLIP,
@@ -19,6 +27,8 @@ from lumpwatch.service.protocol.evidence import (
 from lumpwatch.service.protocol.messages import (
     AlarmData,
     AlarmEvent,
+    BlockageRecord,
+    FeedRecord,
     Heartbeat,
     Latency,
     RoiBeat,
@@ -59,12 +69,16 @@ __all__ = [
     "AlarmRequest",
     "BlendPlan",
     "BlendReply",
+    "BlockageRecord",
     "Cli",
     "Command",
     "Counts",
     "Ended",
     "EvidenceMeta",
     "EvidenceRequest",
+    "FeedRecord",
+    "FeedReply",
+    "FeedRequest",
     "Heartbeat",
     "Lane",
     "Latency",

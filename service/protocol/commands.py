@@ -140,6 +140,26 @@ class SuppressRequest(AlarmRequest):
     """For how long, at most `suppress_max_s`; 0 ends it."""
 
 
+class FeedRequest(Request):
+    """What the plant says of a region's feed, for as long as that is valid."""
+
+    signal: Name
+    """Name of the signal."""
+    valid_s: float = Field(ge=0.0, le=3_600.0)
+    """For how long; 0 ends it."""
+    runs: bool | None = None
+    """Whether the feeder runs; left out: the signal does not say so."""
+    speed_mm_s: float | None = Field(default=None, ge=0.0, le=20_000.0)
+    """Speed of the belt; left out: the signal does not say so."""
+
+
+class FeedReply(Record):
+    """What became of the plant's signal."""
+
+    taken: bool
+    """Whether it is compared with what is seen from now on; false: it has ended."""
+
+
 class PriorRequest(Request):
     """Ask for the prior in use; it has no parameters."""
 
@@ -227,6 +247,14 @@ _ROWS = (
         Role.PLANT,
         SuppressRequest(signal="feeder-stopped", valid_s=30.0),
         _suppress,
+        puts=True,
+    ),
+    Command(
+        "feed",
+        "Tells what the plant knows of the feed; also taken as a plain put.",
+        Role.PLANT,
+        FeedRequest(signal="feeder-drive", valid_s=10.0, runs=True, speed_mm_s=600.0),
+        reply=FeedReply,
         puts=True,
     ),
     Command(

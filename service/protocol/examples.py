@@ -9,12 +9,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from lumpwatch.service.bus import FrameHeader
-from lumpwatch.service.core import AlarmClass, AlarmState, Change, Decision
-from lumpwatch.service.protocol.commands import COMMANDS
+from lumpwatch.service.core import AlarmClass, AlarmState, Change, Decision, FeedState
+from lumpwatch.service.protocol.commands import COMMANDS, FeedReply
 from lumpwatch.service.protocol.evidence import EvidenceMeta, StoredFile
 from lumpwatch.service.protocol.messages import (
     AlarmData,
     AlarmEvent,
+    FeedRecord,
     Heartbeat,
     Latency,
     Level,
@@ -64,10 +65,24 @@ _SEEN: dict[str, Any] = {
     "oversize": 0.86,
     "objects": (_OBJECT,),
 }
+_FEED = FeedRecord(
+    state=FeedState.RUNNING,
+    for_s=812.4,
+    speed_mm_s=598.0,
+    speed_px_s=71.3,
+    load=0.93,
+    plant_runs=True,
+    plant_speed_mm_s=600.0,
+    agrees=True,
+    visible_p50_mm=210,
+    visible_p80_mm=340,
+    visible_stones=412,
+)
 _STATES = {
     AlarmClass.LUMP: AlarmState.UNACKNOWLEDGED,
     AlarmClass.BLIND: AlarmState.NORMAL,
     AlarmClass.SYSTEM: AlarmState.NORMAL,
+    AlarmClass.BLOCKED: AlarmState.NORMAL,
 }
 
 _MODELS: tuple[BaseModel, ...] = (
@@ -109,8 +124,9 @@ _MODELS: tuple[BaseModel, ...] = (
         sequence=12,
         timing=_TIMING,
         prior=3,
+        feed=_FEED,
     ),
-    StateLine(**_SEEN, time_s=12.4, state=Decision.LUMP),
+    StateLine(**_SEEN, time_s=12.4, state=Decision.LUMP, feed=_FEED),
     Heartbeat(
         site=_SITE,
         camera=_CAMERA,
@@ -127,6 +143,7 @@ _MODELS: tuple[BaseModel, ...] = (
         blind_alarm=AlarmState.NORMAL,
         sequence=12,
         valid_s=3.0,
+        feed=FeedState.RUNNING,
     ),
     FrameHeader(
         v=1,
@@ -169,6 +186,7 @@ _MODELS: tuple[BaseModel, ...] = (
         sequence=13,
         acknowledged=True,
     ),
+    FeedReply(taken=True),
     VerdictReply(verdict=VerdictOutcome.FALSE, sequence=12, alarm="001773464966535-000012", written=True),
     ProofResult(
         site=_SITE,

@@ -11,8 +11,10 @@ from lumpwatch.service.core import (
     AlarmClass,
     AlarmState,
     BlindReason,
+    BlockedReason,
     Change,
     Decision,
+    FeedState,
     LipReason,
     NotCounted,
     Priority,
@@ -89,6 +91,48 @@ class ObjectRecord(Record):
     """Why it does not: smaller or larger than what is to be found; null where it does."""
 
 
+class FeedRecord(Record):
+    """What the feed of a region does. Null means that it is not known, never zero."""
+
+    state: FeedState
+    """`running`; `stopped`: material stands; `empty`: hardly any material lies there; or `unknown`, as it is while the
+    region is BLIND."""
+    for_s: float | None = None
+    """For how long it has been in that state, seconds of capture time; null: nothing has been seen yet."""
+    speed_mm_s: float | None = None
+    """Speed of the belt towards the lip, measured on the material; 0 while it stands; null where it is not known, and
+    without a calibration."""
+    speed_px_s: float | None = None
+    """Median speed of what is seen to move, pixels of the picture a second; 0 while it stands."""
+    load: float | None = None
+    """Share of the belt that is covered with material, 0 to 1."""
+    plant_runs: bool | None = None
+    """Whether the feeder runs by the plant's signal, as long as that is valid."""
+    plant_speed_mm_s: float | None = None
+    """Speed of the belt by the plant's signal."""
+    agrees: bool | None = None
+    """Whether the plant's signal agrees with what is seen; null: there is none, or nothing to compare it with."""
+    visible_p50_mm: float | None = None
+    """Size that half of the visible stones' area lies below: a trend, not a sieve. Fines, what lies beneath, and the
+    covered part of overlapping stones are not seen; coarse stones come to the top. Null without a calibration, and
+    until enough stones were seen."""
+    visible_p80_mm: float | None = None
+    """The same for four fifths of the area."""
+    visible_stones: int | None = None
+    """From so many measurements of stones."""
+
+
+class BlockageRecord(Record):
+    """What a crusher's mouth or a chute looks like."""
+
+    standing: float
+    """Share of the mouth in which material stands still, 0 to 1."""
+    stood_s: float
+    """For how long enough of it has stood without a break while the feed runs, seconds."""
+    reason: BlockedReason | None = None
+    """Why it counts as blocked, before the alarm's delay; null: it does not."""
+
+
 class StateLine(Record):
     """The decision of one ROI on one frame, as `states.jsonl` holds it."""
 
@@ -101,7 +145,7 @@ class StateLine(Record):
     roi: str
     """ROI id."""
     state: Decision
-    """CLEAR, LUMP or BLIND."""
+    """CLEAR, LUMP or BLIND; BLOCKED in the place of LUMP for a region that watches a mouth."""
     existence: float
     """Probability that a lump is there."""
     objects: tuple[ObjectRecord, ...] = ()
@@ -112,6 +156,10 @@ class StateLine(Record):
     judges; null without a calibration."""
     unlocated: Unlocated | None = None
     """Why the state is LUMP though no object that counts is listed; null in any other case."""
+    feed: FeedRecord | None = None
+    """What the feed does; null where it is not looked at."""
+    blockage: BlockageRecord | None = None
+    """What the mouth looks like; null for a region that watches a belt."""
 
 
 class Timing(Record):
@@ -176,12 +224,18 @@ class Level(Record):
     """1 while the ROI cannot judge."""
     system: Literal[0, 1] = 0
     """1 while the condition of the system alarm is active: decisions come late, or a proof test failed."""
+    blocked: Literal[0, 1] = 0
+    """1 while the condition of the blocked alarm is active; always 0 for a region that watches a belt."""
     alarm: str
     """State of the lump alarm."""
     blind_alarm: str
     """State of the blind alarm."""
     system_alarm: str = "NORMAL"
     """State of the system alarm."""
+    blocked_alarm: str = "NORMAL"
+    """State of the blocked alarm."""
+    feed: str = FeedState.UNKNOWN.value
+    """What the feed does: `running`, `stopped`, `empty` or `unknown`."""
     sequence: int
     """Sequence of the ROI's last alarm record; 0: there was none."""
     valid_s: float
@@ -202,7 +256,8 @@ class AlarmData(Record):
         validation_alias=AliasChoices("class", "alarm_class"),
         serialization_alias="class",
     )
-    """`lump`; `blind`: the ROI cannot judge; or `system`: it judges, but too late, or a proof test failed."""
+    """`lump`; `blind`: the ROI cannot judge; `system`: it judges, but too late, or a proof test failed; or `blocked`:
+    material stands in the mouth that it watches."""
     priority: Priority = "high"
     """How soon an operator must respond."""
     sequence: int = 0

@@ -10,6 +10,7 @@ from lumpwatch.service.core import (
     Change,
     Clocks,
     Decision,
+    FeedState,
     LipReason,
     LumpSize,
     RoiResult,
@@ -18,6 +19,8 @@ from lumpwatch.service.core import (
 from lumpwatch.service.protocol.messages import (
     AlarmData,
     AlarmEvent,
+    BlockageRecord,
+    FeedRecord,
     Latency,
     Level,
     ObjectRecord,
@@ -61,20 +64,58 @@ def objects_of(result: RoiResult) -> tuple[ObjectRecord, ...]:
     )
 
 
-def _size(size: LumpSize) -> SizeRecord:
-    def rounded(value: float | None, digits: int) -> float | None:
-        return None if value is None else round(value, digits)
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)
 
+
+def _size(size: LumpSize) -> SizeRecord:
     return SizeRecord(
-        longest_mm=rounded(size.longest_mm, 0),
-        low_mm=rounded(size.low_mm, 0),
-        high_mm=rounded(size.high_mm, 0),
-        equivalent_mm=rounded(size.equivalent_mm, 0),
+        longest_mm=_rounded(size.longest_mm, 0),
+        low_mm=_rounded(size.low_mm, 0),
+        high_mm=_rounded(size.high_mm, 0),
+        equivalent_mm=_rounded(size.equivalent_mm, 0),
         over_limit=round(size.over_limit, 4),
         speed_m_s=round(size.speed_m_s, 3),
         distance_m=round(size.distance_m, 3),
-        lip_s=rounded(size.lip_s, 2),
-        lip_spread_s=rounded(size.lip_spread_s, 2),
+        lip_s=_rounded(size.lip_s, 2),
+        lip_spread_s=_rounded(size.lip_spread_s, 2),
+    )
+
+
+def feed_of(result: RoiResult) -> FeedRecord | None:
+    """What the feed does; unknown while the region is BLIND."""
+    feed = result.feed
+    if feed is None:
+        return None
+    runs = None if feed.plant is None else feed.plant.runs
+    speed = None if feed.plant is None else feed.plant.speed_mm_s
+    if result.decision is Decision.BLIND:
+        return FeedRecord(state=FeedState.UNKNOWN, plant_runs=runs, plant_speed_mm_s=speed)
+    newest_s = None if result.frame is None else result.frame.capture_s
+    lasted_s = None if newest_s is None or feed.since_s is None else newest_s - feed.since_s
+    seen = feed.visible
+    return FeedRecord(
+        state=feed.state,
+        for_s=_rounded(lasted_s, 2),
+        speed_mm_s=_rounded(feed.speed_mm_s, 1),
+        speed_px_s=_rounded(feed.speed_px_s, 2),
+        load=_rounded(feed.load, 3),
+        plant_runs=runs,
+        plant_speed_mm_s=speed,
+        agrees=feed.agrees,
+        visible_p50_mm=None if seen is None else round(seen.p50_mm),
+        visible_p80_mm=None if seen is None else round(seen.p80_mm),
+        visible_stones=None if seen is None else seen.stones,
+    )
+
+
+def blockage_of(result: RoiResult) -> BlockageRecord | None:
+    """What the mouth looks like."""
+    found = result.blockage
+    if found is None:
+        return None
+    return BlockageRecord(
+        standing=round(found.standing, 3), stood_s=round(found.stood_s, 2), reason=found.reason
     )
 
 
@@ -118,6 +159,8 @@ def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
         oversize=oversize(result),
         objects=objects_of(result),
         unlocated=result.unlocated,
+        feed=feed_of(result),
+        blockage=blockage_of(result),
     )
 
 
@@ -135,6 +178,8 @@ def state_message(
         oversize=oversize(result),
         objects=objects_of(result),
         unlocated=result.unlocated,
+        feed=feed_of(result),
+        blockage=blockage_of(result),
         site=site,
         alarm=result.alarm.state.value,
         blind_alarm=result.blind_alarm.state.value,
@@ -156,6 +201,9 @@ def level_of(result: RoiResult, sequence: int, valid_s: float) -> Level:
         alarm=result.alarm.state.value,
         blind_alarm=result.blind_alarm.state.value,
         system_alarm=result.alarms[AlarmClass.SYSTEM].state.value,
+        blocked=1 if result.alarms[AlarmClass.BLOCKED].active else 0,
+        blocked_alarm=result.alarms[AlarmClass.BLOCKED].state.value,
+        feed=(FeedState.UNKNOWN if (feed := feed_of(result)) is None else feed.state).value,
         sequence=sequence,
         valid_s=valid_s,
     )

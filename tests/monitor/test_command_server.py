@@ -124,7 +124,7 @@ def test_a_command_that_nothing_does_is_noticed_at_once() -> None:
 
 def test_a_put_of_another_camera_s_region_is_left_alone() -> None:
     served = Served()
-    (put,) = served.bus.subscriptions.values()
+    put = served.bus.subscriptions[KEYS.commands("suppress", "cam")]
     put(KEYS.command("cam", "elsewhere", "suppress"), b'{"signal": "feeder", "valid_s": 9}')
     put(KEYS.command("cam", "apron", "suppress"), b"nonsense")
     assert served.refused == {("apron", "suppress"): 1}

@@ -123,12 +123,15 @@ def test_it_is_alive_and_each_region_is_one_queryable(world: World) -> None:
     assert world.bus.tokens == ["lumpwatch/v1/pit/@alive/monitor/cam"]
     assert world.bus.queryables == [REGION]
     assert {key.rpartition("/")[2] for key in world.bus.services} == set(COMMANDS)
-    assert list(world.bus.subscriptions) == ["lumpwatch/v1/pit/cam/*/suppress"]
+    assert list(world.bus.subscriptions) == [
+        "lumpwatch/v1/pit/cam/*/suppress",
+        "lumpwatch/v1/pit/cam/*/feed",
+    ]
 
 
 def test_a_put_suppresses_and_its_end_announces(world: World) -> None:
     def put(payload: bytes) -> Callable[[], None]:
-        (callback,) = world.bus.subscriptions.values()
+        callback = world.bus.subscriptions["lumpwatch/v1/pit/cam/*/suppress"]
         return lambda: callback(f"{REGION}/suppress", payload)
 
     world.run()

@@ -60,7 +60,7 @@ def test_states_have_the_fields_of_the_contract(out: Path) -> None:
     assert {(one["camera"], one["roi"]) for one in states} == {("cam", "apron")}
     assert {one["state"] for one in states} == {"CLEAR", "LUMP"}
     contract = ["frame", "time_s", "camera", "roi", "state", "existence", "objects"]
-    assert list(states[0]) == [*contract, "oversize", "unlocated"]
+    assert list(states[0]) == [*contract, "oversize", "unlocated", "feed", "blockage"]
     seen = [one["objects"][0] for one in states if one["objects"]]
     assert len(seen) > 10
     assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(seen[0])

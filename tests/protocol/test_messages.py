@@ -249,10 +249,13 @@ def test_a_level_is_small_and_says_the_least() -> None:
         "alarm": "SHELVED",
         "blind_alarm": "NORMAL",
         "system_alarm": "NORMAL",
+        "blocked": 0,
+        "blocked_alarm": "NORMAL",
+        "feed": "unknown",
         "sequence": 7,
         "valid_s": 3.0,
     }
-    assert len(line) < 160
+    assert len(line) < 220
     assert record(level_of(STARTING, 0, 3.0).line())["blind"] == 1
 
 
@@ -277,6 +280,8 @@ def test_a_state_line_has_the_fields_of_the_contract() -> None:
         "oversize",
         "objects",
         "unlocated",
+        "feed",
+        "blockage",
     } == set(line)
     assert (line["frame"], line["time_s"], line["state"]) == (42, 10.0, "LUMP")
     assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(line["objects"][0])

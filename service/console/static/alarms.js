@@ -35,7 +35,7 @@ function buttons(alarm) {
 
 function row(alarm, cells) {
   const shape = make("span", { class: "mark" });
-  mark(shape, alarm.silent ? "SILENT" : alarm.state === "NORMAL" ? "CLEAR" : { lump: "LUMP", blind: "BLIND", system: "SYSTEM" }[alarm.class]);
+  mark(shape, alarm.silent ? "SILENT" : alarm.state === "NORMAL" ? "CLEAR" : { lump: "LUMP", blind: "BLIND", system: "SYSTEM", blocked: "BLOCKED" }[alarm.class]);
   const found = alarm.raised?.evidence ? make("button", { type: "button", onclick: (event) => { event.stopPropagation(); evidence(alarm); } }, "Evidence") : null;
   return make("tr", { class: alarm.class, "data-id": id(alarm), "aria-selected": String(chosen === id(alarm)), onclick: () => choose(id(alarm)) },
     make("td", { class: "state" }, shape, ` ${alarm.state.replaceAll("_", " ")}${alarm.silent ? " (SILENT)" : ""}`),

@@ -64,7 +64,7 @@ export function evidence(alarm) {
 function sentence(alarm) {
   const size = alarm.raised?.longest_mm ? `, ${Math.round(alarm.raised.longest_mm)} mm` : "";
   const why = alarm.class !== "lump" && alarm.last?.reason ? `, ${alarm.last.reason}` : "";
-  const words = { lump: "LUMP", blind: "BLIND", system: "SYSTEM" };
+  const words = { lump: "LUMP", blind: "BLIND", system: "SYSTEM", blocked: "BLOCKED" };
   return `${words[alarm.class]} ${place(alarm)}${size}${why}${alarm.state === "RETURNED" ? " (over)" : ""}`;
 }
 
@@ -77,13 +77,13 @@ function show() {
   link.classList.toggle("gone", !linked);
   say(link, linked ? "connected" : feed.snapshot ? `no connection for ${Math.floor(feed.quietest ?? 0)} s` : "no connection");
   const active = waits.find((one) => one.state === "UNACKNOWLEDGED");
-  const kind = active ? (active.class === "lump" ? "lump" : "blind") : silent.length && feed.snapshot ? "silent" : "";
+  const kind = active ? (active.class === "lump" || active.class === "blocked" ? "lump" : "blind") : silent.length && feed.snapshot ? "silent" : "";
   sound.wanted(kind);
   strip.hidden = !urgent && !(silent.length && feed.snapshot);
   strip.className = `strip ${urgent ? urgent.class : "silent"}`;
   const text = urgent ? sentence(urgent) : silent.length ? `SILENT ${place(silent[0])}: ${feed.news(silent[0])}` : "";
   say(strip.querySelector(".what"), text);
-  mark(strip.querySelector(".mark"), urgent ? { lump: "LUMP", blind: "BLIND", system: "SYSTEM" }[urgent.class] : "SILENT");
+  mark(strip.querySelector(".mark"), urgent ? { lump: "LUMP", blind: "BLIND", system: "SYSTEM", blocked: "BLOCKED" }[urgent.class] : "SILENT");
   say(strip.querySelector(".more"), waits.length > 1 ? `and ${waits.length - 1} more` : "");
   const button = strip.querySelector("button");
   button.hidden = !urgent;

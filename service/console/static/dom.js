@@ -27,6 +27,7 @@ const SHAPES = {
   LUMP: [["path", { d: "M12 1 L23 22 H1 Z", fill: "currentColor" }]],
   BLIND: [["rect", { x: 2, y: 2, width: 20, height: 20, fill: "none", stroke: "currentColor", "stroke-width": 3 }], ["path", { d: "M3 21 L21 3", stroke: "currentColor", "stroke-width": 3 }]],
   SILENT: [["circle", { cx: 12, cy: 12, r: 9.5, fill: "none", stroke: "currentColor", "stroke-width": 3, "stroke-dasharray": "4 3" }], ["path", { d: "M7 12 h10", stroke: "currentColor", "stroke-width": 3 }]],
+  BLOCKED: [["path", { d: "M7 1 H17 L23 7 V17 L17 23 H7 L1 17 V7 Z", fill: "currentColor" }]],
   SYSTEM: [["path", { d: "M12 2 L22 12 L12 22 L2 12 Z", fill: "none", stroke: "currentColor", "stroke-width": 3 }]],
 };
 

@@ -72,7 +72,7 @@ export class Feed {
   }
 }
 
-const ORDER = { SILENT: 2, LUMP: 4, BLIND: 3, CLEAR: 0 };
+const ORDER = { SILENT: 2, LUMP: 4, BLOCKED: 4, BLIND: 3, CLEAR: 0 };
 
 // Worst first: what waits for an operator before what does not.
 export function worst(feed) {
@@ -86,7 +86,7 @@ export function worst(feed) {
 
 export const HELD = ["SHELVED", "SUPPRESSED", "OUT_OF_SERVICE"];
 export const WAITS = ["UNACKNOWLEDGED", "RETURNED"];
-const CLASSES = ["lump", "blind", "system"];
+const CLASSES = ["lump", "blind", "system", "blocked"];
 
 // All alarms that wait to be acknowledged, the most urgent first.
 export function waiting(feed) {

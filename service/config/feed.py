@@ -1,0 +1,44 @@
+"""What a region's feed does, and how the mouth of a crusher counts as blocked."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from lumpwatch.service.config.base import Delay, Positive, PositiveSeconds, Strict, Unit
+
+
+class FeedConfig(Strict):
+    """Whether the feed runs, stands or is empty, judged by the pictures of the region."""
+
+    enabled: bool = True
+    """Whether it is looked at."""
+    rate_hz: Annotated[float, Field(ge=1.0, le=20.0)] = 5.0
+    """How often the pictures are compared."""
+    stopped_below_mm_s: Positive | None = None
+    """On a calibrated belt: slower than this it stands. Left out: a tenth of the calibration's `speed_m_s`, or 30."""
+    stopped_below: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
+    """Without a calibration: slower than this share of the region's longer side a second it stands."""
+    bare_below: Annotated[float, Field(gt=0.0, le=1.0)] = 0.05
+    """Where the pictures have less contrast than this, as a share of their brightness, the belt is bare."""
+    empty_below: Unit = 0.10
+    """With less than this share of the belt covered it is empty."""
+    filled_above: Unit = 0.15
+    """With more than this it is no longer."""
+    delay_s: Delay = 0.3
+    """How long another state must be seen without a break."""
+    unknown_after_s: PositiveSeconds = 3.0
+    """After so long without anything that tells the state it is unknown."""
+    signal_tolerance: Unit = 0.25
+    """By so large a share the speed that is seen may differ from the plant's signal."""
+    signal_for_s: PositiveSeconds = 10.0
+    """The system alarm says so when the plant's signal has not agreed with what is seen for so long."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.filled_above < self.empty_below:
+            raise ValueError(
+                f"filled_above ({self.filled_above:g}) must not be smaller than empty_below ({self.empty_below:g})"
+            )
+        return self
