@@ -15,6 +15,7 @@ from importlib.metadata import version
 from typing import Any, NoReturn
 
 from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.threads import use_one_thread
 
 _MODULES = {
     "run": ("run",),
@@ -81,6 +82,7 @@ def _module(name: str) -> Any:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
+    use_one_thread()
     given = list(sys.argv[1:] if argv is None else argv)
     alone = {"--version", *(name for names in _MODULES.values() for name in names)}
     try:

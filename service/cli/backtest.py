@@ -32,8 +32,6 @@ from lumpwatch.service.offline import (
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import PriorStore
 
-# As many workers as cores: one thread each, or they fight.
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _SHOWN = (0.5, 0.7, 0.8, 0.9, 0.96, 0.99, 0.999, 0.9999)
 
 
@@ -180,8 +178,6 @@ def _make_folder(out: Path) -> None:
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:
-    for name in _ONE_THREAD:
-        os.environ.setdefault(name, "1")  # for the workers: they read it when they start
     return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), cv2.setNumThreads, (1,))
 
 

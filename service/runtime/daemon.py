@@ -28,14 +28,13 @@ from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.runtime.config_file import changed_cameras
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
 from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
+from lumpwatch.service.threads import use_one_thread
 
 log = logging.getLogger(__name__)
 
 WATCH_EVERY_S = 0.1
 MONITOR_STUCK_S = 10.0
 _WATCH_LATE_S = 5.0
-# Frames are small and many: one thread a process, or the processes fight for the cores.
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +128,7 @@ def run(
     which each runs elsewhere. `changed` gives a new configuration, once: cameras that differ in it are started
     anew, the others go on. Raises BusError and TelemetryError where an address cannot be used.
     """
-    for name in _ONE_THREAD:
-        os.environ.setdefault(name, "1")
+    use_one_thread()
     registry = CollectorRegistry()
     relay = Relay()
     registry.register(relay)

@@ -599,3 +599,11 @@ def test_a_full_disk_under_the_output_is_one_line() -> None:
         failure = process("schema", stdout=full)
     assert failure.returncode == 1
     assert len(failure.stderr.splitlines()) == 1
+
+
+def test_numerics_use_one_thread_unless_the_user_wants_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "4")
+    assert main(["--version"]) == 0
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert os.environ["OMP_NUM_THREADS"] == "4"

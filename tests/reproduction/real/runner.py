@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -90,8 +89,7 @@ def _roles(site: Path) -> list[str]:
 
 
 def _call(command: Sequence[str], folder: Path, what: str) -> None:
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     (folder / f"{what}.log").write_text(done.stdout + done.stderr, encoding="utf-8")
     if done.returncode:
         raise CommandError(f"{what}: {done.stderr.strip().splitlines()[-1:] or done.returncode}")
