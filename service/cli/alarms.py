@@ -5,16 +5,22 @@ from __future__ import annotations
 import argparse
 import sys
 import threading
+import time
+from collections.abc import Collection, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from lumpwatch.service.bus import Bus, Keys, open_client
-from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, stop_on_signals
 from lumpwatch.service.config import BusConfig, load_config
 from lumpwatch.service.core import AlarmClass, AlarmState
 from lumpwatch.service.errors import ConfigError, LumpwatchError
-from lumpwatch.service.protocol import AlarmEvent, StateMessage
+from lumpwatch.service.protocol import AlarmEvent, Silence, SilenceWatch, StateMessage
+
+SILENT = 3
+"""Exit code of `--exit-on-silence`."""
 
 
 def add(commands: Commands) -> None:
@@ -24,12 +30,18 @@ def add(commands: Commands) -> None:
         "alarms",
         alarms,
         "Follow the alarms of a running daemon: past ones that it still holds, the present states, and "
-        "whatever comes.",
-        "lumpwatch alarms site.yaml --json",
+        "whatever comes. Says SILENT when nothing valid is heard of a camera, and when it is heard again.",
+        "lumpwatch alarms site.yaml --exit-on-silence || page-someone",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--json", action="store_true", help="print the records as they are, one a line")
+    parser.add_argument("--camera", metavar="ID", help="of this camera only")
     parser.add_argument("--count", type=int, metavar="N", help="end after N alarm records")
+    parser.add_argument(
+        "--exit-on-silence",
+        action="store_true",
+        help=f"end with code {SILENT} as soon as a camera is silent (for scripts)",
+    )
     parser.add_argument(
         "--ack", metavar="CAMERA/ROI", help="acknowledge the alarm of this ROI instead of following"
     )
@@ -46,42 +58,87 @@ def alarms(arguments: argparse.Namespace) -> int:
     if arguments.ack and ("/" not in arguments.ack or not arguments.actor):
         raise ConfigError("--ack takes CAMERA/ROI and needs --actor NAME")
     config = load_config(arguments.config)
-    keys = Keys(config.site)
+    chosen = [camera_of(config, arguments.camera)] if arguments.camera else config.cameras
     stop = stop_on_signals()
     with open_client(as_client(config.bus), stop, wait=False) as bus:
         if arguments.ack:
             camera, _, roi = arguments.ack.partition("/")
-            answer = ask_one(bus, keys.command(camera, roi, "ack"), {"actor": arguments.actor}, arguments.ack)
-            _print(answer.decode())
+            key = Keys(config.site).command(camera, roi, "ack")
+            _print(ask_one(bus, key, {"actor": arguments.actor}, arguments.ack).decode())
             return 0
-        done = threading.Event()
-        seen = 0
-        lock = threading.Lock()
+        regions = {camera.id: [roi.id for roi in camera.rois] for camera in chosen}
+        follower = _Follower(config.site, regions, arguments.json, arguments.count, arguments.exit_on_silence)
+        return follower.follow(bus, stop)
 
-        def on_alarm(key: str, payload: bytes) -> None:
-            nonlocal seen
-            with lock:
-                if done.is_set():
-                    return
-                try:
-                    _print(payload.decode(errors="replace") if arguments.json else describe_alarm(payload))
-                except BrokenPipeError:  # who read has gone
-                    done.set()
-                    return
-                seen += 1
-                if arguments.count is not None and seen >= arguments.count:
-                    done.set()
 
-        if not arguments.json:
-            for reply in bus.ask(keys.states()):
-                if reply.payload is not None:
-                    _print(describe_state(reply.payload))
-        bus.subscribe_alarms(
-            keys.alarms(), on_alarm, lambda n: _print(f"{n} alarm records were missed", sys.stderr)
+class _Follower:
+    """Prints alarms as they come, and SILENT where nothing valid is heard: silence is never clear."""
+
+    def __init__(
+        self,
+        site: str,
+        regions: Mapping[str, Collection[str]],
+        as_json: bool,
+        count: int | None,
+        exit_on_silence: bool,
+    ) -> None:
+        self._keys = Keys(site)
+        self._regions = regions
+        self._json = as_json
+        self._left = count
+        self._exit_on_silence = exit_on_silence
+        self._watch = SilenceWatch(site, regions, time.monotonic())
+        self._lock = threading.Lock()
+        self._done = threading.Event()
+        self._silence = False
+
+    def follow(self, bus: Bus, stop: threading.Event) -> int:
+        """Until `stop`, or the count is reached, or a camera falls silent where that ends it; the exit code."""
+        bus.subscribe(
+            self._keys.heartbeats(), lambda _, payload: self._watch.heard(payload, time.monotonic())
         )
-        while not done.is_set() and not stop.wait(0.1):
-            pass
-    return 0
+        if not self._json:
+            self._states(bus, self._regions)
+        bus.subscribe_alarms(
+            self._keys.alarms(), self._alarm, lambda n: _print(f"{n} alarm records were missed", sys.stderr)
+        )
+        while not self._done.is_set() and not stop.wait(0.1):
+            for change in self._watch.changes(time.monotonic()):
+                self._tell(change, bus)
+        return SILENT if self._silence else 0
+
+    def _tell(self, change: Silence, bus: Bus) -> None:
+        now = datetime.now(UTC)
+        self._line(change.line(now).decode() if self._json else f"{now:%Y-%m-%d %H:%M:%S} {change}")
+        if change.silent and self._exit_on_silence:
+            self._silence = True
+            self._done.set()
+        elif not change.silent and not self._json:
+            self._states(bus, (change.camera,))
+
+    def _states(self, bus: Bus, cameras: Collection[str]) -> None:
+        for reply in bus.ask(self._keys.states()):
+            if reply.payload is not None and reply.key.split("/")[-3] in cameras:
+                self._line(describe_state(reply.payload))
+
+    def _alarm(self, key: str, payload: bytes) -> None:
+        if key.split("/")[-3] not in self._regions:
+            return
+        self._line(payload.decode(errors="replace") if self._json else describe_alarm(payload), counts=True)
+
+    def _line(self, line: str, *, counts: bool = False) -> None:
+        with self._lock:
+            if self._done.is_set():
+                return
+            try:
+                _print(line)
+            except BrokenPipeError:  # who read has gone
+                self._done.set()
+                return
+            if counts and self._left is not None:
+                self._left -= 1
+                if self._left <= 0:
+                    self._done.set()
 
 
 def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str, timeout_s: float = 2.0) -> bytes:

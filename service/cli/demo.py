@@ -22,7 +22,7 @@ from lumpwatch.service.cli.alarms import describe_alarm
 from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
 from lumpwatch.service.config import BusConfig, SiteConfig, parse_config
 from lumpwatch.service.core import LEVEL, AlarmClass, log_to_stderr
-from lumpwatch.service.protocol import AlarmEvent, StateMessage
+from lumpwatch.service.protocol import AlarmEvent, SilenceWatch, StateMessage
 from lumpwatch.service.runtime import Addresses, ConfigFile
 from lumpwatch.service.runtime import run as run_daemon
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
@@ -150,6 +150,7 @@ class _Follower:
         self._console = console
         self._seconds = seconds
         self._stop = stop
+        self._watch = SilenceWatch(config.site, {CAMERA: (ROI,)}, time.monotonic())
         self._frames = 0
         self._last: StateMessage | None = None
         self._ages: list[float] = []
@@ -191,6 +192,7 @@ class _Follower:
         with open_client(bus_config, self._stop) as bus:
             bus.subscribe(keys.states(), self._on_state)
             bus.subscribe_alarms(keys.alarms(), self._on_alarm)
+            bus.subscribe(keys.heartbeats(), self._on_heartbeat)
             self._tell(bus)
 
     def _tell(self, bus: Bus) -> None:
@@ -206,7 +208,10 @@ class _Follower:
                 self._stop.set()
             if self._seconds and now - self._began > self._seconds + 120:
                 self._stop.set()
-            if now - printed_s >= _EVERY_S and self._last is not None:
+            for change in self._watch.changes(now):
+                if self._frames:  # before the first one kernels compile
+                    self._console.print(str(change), style="bold magenta" if change.silent else "green")
+            if not self._watch.silent and now - printed_s >= _EVERY_S and self._last is not None:
                 rate = (self._frames - frames) / (now - printed_s)
                 printed_s, frames = now, self._frames
                 self._console.print(_line(self._last, rate), markup=False, soft_wrap=True)
@@ -219,6 +224,9 @@ class _Follower:
             self._frames += 1
             self._ages.append(state.timing.age_s)
         self._last = state
+
+    def _on_heartbeat(self, key: str, payload: bytes) -> None:
+        self._watch.heard(payload, time.monotonic())
 
     def _on_alarm(self, key: str, payload: bytes) -> None:
         event = AlarmEvent.model_validate_json(payload)

@@ -18,11 +18,10 @@ from lumpwatch.service.core import AlarmChange, AlarmClass, Changed, Clocks, Roi
 from lumpwatch.service.evidence import Trigger
 from lumpwatch.service.monitor.alarm_record import AlarmRecord, Source, finish
 from lumpwatch.service.monitor.effects import Confirm, Count, Effect, KeepEvidence, Publish, Write, effects_of
-from lumpwatch.service.monitor.heartbeat import VALID_S
 from lumpwatch.service.monitor.largest_lump import LargestLump
 from lumpwatch.service.monitor.latency import LatencyTracker
 from lumpwatch.service.monitor.uptime import UptimeRecorder
-from lumpwatch.service.protocol import level_of, state_message
+from lumpwatch.service.protocol import VALID_S, level_of, state_message
 from lumpwatch.service.storage import EventWriter, Span
 from lumpwatch.service.telemetry import MonitorMetrics
 

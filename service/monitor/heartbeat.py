@@ -10,10 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from lumpwatch.service.core import Clocks, Decision, utc
-from lumpwatch.service.protocol import Heartbeat, RoiBeat
-
-VALID_S = 3.0
-"""Levels and heartbeats that are older are no longer valid."""
+from lumpwatch.service.protocol import VALID_S, Heartbeat, RoiBeat
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,6 +49,7 @@ from lumpwatch.service.protocol.records import alarm_event, level_of, record_id,
 from lumpwatch.service.protocol.requests import ActReply, AlarmRequest, Request, read_request
 from lumpwatch.service.protocol.schemas import MESSAGES, message_schema
 from lumpwatch.service.protocol.shadow import SIDES, Counts, ShadowState, Side, summary
+from lumpwatch.service.protocol.silence import VALID_S, Silence, SilenceWatch
 from lumpwatch.service.protocol.verdict import VerdictOutcome, VerdictReply, VerdictRequest
 
 __all__ = [
@@ -63,6 +64,7 @@ __all__ = [
     "STATES",
     "STILL",
     "TIMES",
+    "VALID_S",
     "ActReply",
     "AlarmData",
     "AlarmEvent",
@@ -92,6 +94,8 @@ __all__ = [
     "RoiBeat",
     "ShadowState",
     "Side",
+    "Silence",
+    "SilenceWatch",
     "StateLine",
     "StateMessage",
     "StoredFile",

@@ -167,7 +167,8 @@ class AlarmFollower:
         """Those of one class; None: all."""
         lines = self._log.read_text().splitlines()
         found = [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
-        return [one for one in found if alarm_class in (None, one["data"]["class"])]
+        alarms = [one for one in found if one["type"].startswith("io.lumpwatch.alarm.")]
+        return [one for one in alarms if alarm_class in (None, one["data"]["class"])]
 
     def __enter__(self) -> Self:
         return self

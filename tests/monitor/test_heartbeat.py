@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from lumpwatch.service.core.clock import Clocks, utc
 from lumpwatch.service.core.decision import Decision
-from lumpwatch.service.monitor.heartbeat import VALID_S, LastDecision, heartbeat
+from lumpwatch.service.monitor.heartbeat import LastDecision, heartbeat
+from lumpwatch.service.protocol.silence import VALID_S
 
 NOW = Clocks(1_000.0, 1.7e9)
 ages = st.none() | st.floats(0.0, 100.0)
