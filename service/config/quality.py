@@ -20,6 +20,14 @@ class CheckConfig(Strict):
     """How long it must find nothing without a break before the ROI sees again."""
 
 
+class HiddenConfig(CheckConfig):
+    """Whether anything lies between the camera and the belt."""
+
+    standing: bool = True
+    """Whether an object that stays in its place while the belt around it moves is none of the belt's: it does not
+    count for the lump alarm, and hides the region. Looked for with the likelihood `lump`."""
+
+
 class MovedConfig(CheckConfig):
     """Whether the camera still looks where it did; needs a reference."""
 
@@ -88,8 +96,8 @@ class QualityConfig(Strict):
     """Fine structure is gone: out of focus, or dirt on the lens."""
     dusty: CheckConfig = CheckConfig()
     """A bright veil takes structure away over most of the region."""
-    hidden: CheckConfig = CheckConfig()
-    """Too much of the region is featureless or does not look as in the reference."""
+    hidden: HiddenConfig = HiddenConfig()
+    """Too much of the region is featureless or does not look as in the reference, or something stands before it."""
     moved: MovedConfig = MovedConfig()
     """The camera has moved."""
     exposure: ExposureConfig = ExposureConfig()

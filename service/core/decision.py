@@ -50,7 +50,7 @@ class BlindReason(StrEnum):
     DUSTY = "dusty"
     """A bright veil takes structure away."""
     HIDDEN = "hidden"
-    """Too much of the region is featureless or replaced."""
+    """Too much of the region is featureless or replaced, or something stands before it while the belt moves."""
     BLURRED = "blurred"
     """Fine structure is gone."""
     EXPOSURE = "exposure"
@@ -128,6 +128,8 @@ class PictureQuality:
     """What each is compared with."""
     offset_px: tuple[int, int] = (0, 0)
     """How far the region was moved along with the camera."""
+    standing: tuple[int, ...] = ()
+    """Identities of the objects that stand while the belt moves."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from math import prod
 
 
 class NotCounted(StrEnum):
@@ -13,6 +15,8 @@ class NotCounted(StrEnum):
     """Smaller than what is to be found at its row: by `size_h`, the labels, or the limit."""
     TOO_LARGE = "too_large"
     """Larger than that."""
+    STANDS = "stands"
+    """It stays in its place while the belt around it moves: on the lens, burnt into the picture, or stuck."""
 
 
 class Unlocated(StrEnum):
@@ -117,6 +121,22 @@ class Detection:
             return replace(found, x=x, y=y, w=max(w, 1.0), h=max(h, 1.0))
 
         return replace(self, objects=tuple(map(cut, self.objects)))
+
+    def without(self, ids: Collection[int], why: NotCounted) -> Detection:
+        """The same where these objects do not count: nor do they in the existence."""
+        if not ids:
+            return self
+        objects = tuple(
+            replace(found, not_counted=why) if found.id in ids else found for found in self.objects
+        )
+        none_of_them = prod(
+            1.0 - found.existence for found in self.objects if found.id in ids and found.counts
+        )
+        none = 1.0 - self.existence
+        left = 1.0 - min(none / none_of_them, 1.0) if none_of_them > 0.0 else 0.0
+        if none_of_them <= none:  # rounding, or objects that are sure: what else there is decides
+            left = 1.0 - prod(1.0 - found.existence for found in objects if found.counts)
+        return replace(self, objects=objects, existence=left)
 
     @property
     def counted(self) -> tuple[DetectedObject, ...]:

@@ -27,6 +27,7 @@ from lumpwatch.service.core import (
     ReasonDebouncer,
 )
 from lumpwatch.service.detection.camera_shift import CameraShift
+from lumpwatch.service.detection.strangers import Strangers
 from lumpwatch.service.storage import BadReferenceError, Reference
 
 _BRIGHTENED = 1.1  # a veil of dust is brighter than what it hides; a cover need not be
@@ -83,6 +84,14 @@ class CameraQuality:
         if self._config.enabled:
             self._regions[roi].observe(gray, time_s)
 
+    def strangers(self, roi: str, detection: Detection, time_s: float) -> tuple[int, ...]:
+        """Identities of the objects that stand while the belt moves; after `observe`."""
+        region = self._regions[roi]
+        region.standing = (
+            () if region.strangers is None else region.strangers.among(detection.objects, time_s)
+        )
+        return region.standing
+
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
         """What the filter made of it; after `observe`."""
         if not self._config.enabled:
@@ -94,6 +103,8 @@ class CameraQuality:
             found.add(BlindReason.OVERLOAD)
         if self.shift.lost:
             found.add(BlindReason.MOVED)
+        if region.standing:
+            found.add(BlindReason.HIDDEN)
         region.debouncer.step(time_s, found)
 
     def current(self, roi: str) -> PictureQuality:
@@ -104,12 +115,13 @@ class CameraQuality:
             reason = BlindReason.EXPOSURE
         return PictureQuality(
             reason,
-            region.suspect,
+            region.suspect or bool(region.standing),
             region.held_off,
             region.holdoffs,
             dict(region.slow),
             region.thresholds,
             region.offset_px,
+            region.standing,
         )
 
 
@@ -137,6 +149,9 @@ class _Region:
         self.offset_px = (0, 0)
         self.held_off, self.holdoffs, self.suspect = False, 0, False
         self.slow: dict[Measure, float] = {}
+        self.strangers: Strangers | None = None
+        """None where they are not looked for."""
+        self.standing: tuple[int, ...] = ()
         self._starved = False
         self._particles = SlowMedian(config.window_s)
         self._seen: set[BlindReason] = set()
@@ -147,6 +162,8 @@ class _Region:
         """Measure pictures of this region from now on."""
         window_s = self._config.window_s
         self._meter = PictureMeter(roi.mask)
+        looked_for = self._config.enabled and self._config.hidden.enabled and self._config.hidden.standing
+        self.strangers, self.standing = Strangers(roi) if looked_for else None, ()
         self._lights = lights
         self._activity = Activity(window_s)
         self._medians = {measure: SlowMedian(window_s) for measure in Measure}
@@ -158,7 +175,7 @@ class _Region:
 
     def leave(self) -> None:
         """Measure nothing until the next `fit`."""
-        self._meter = None
+        self._meter, self.strangers, self.standing = None, None, ()
         self.suspect, self.held_off = False, False
         self.slow = {}
 
@@ -180,6 +197,8 @@ class _Region:
     def observe(self, gray: Image, time_s: float) -> None:
         """Measure the picture where it is time to."""
         self.held_off = time_s < self._until_s
+        if self.strangers is not None:
+            self.strangers.observe(gray, time_s)
         if self._meter is None or time_s < self._measured_s + 1.0 / self._config.rate_hz - 1e-3:
             return
         self._measured_s = time_s

@@ -9,6 +9,7 @@ or with pictures that were cut already.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import Protocol
 
@@ -23,8 +24,10 @@ from lumpwatch.service.core import (
     AlarmClass,
     Detection,
     Frame,
+    NotCounted,
     PictureQuality,
     Transition,
+    announce_again,
     step_alarm,
     working_colour,
     working_luma,
@@ -33,6 +36,7 @@ from lumpwatch.service.detection.choices import with_choices
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
 from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.next_lump import NextLump
 from lumpwatch.service.detection.observer import ChannelListener, Unobserved
 from lumpwatch.service.detection.region import make_region
 from lumpwatch.service.detection.sizing import Sizer
@@ -42,6 +46,8 @@ from lumpwatch.service.storage import Prior
 
 MakeDetector = Callable[[DetectorConfig, Roi, Learned | None], Detector]
 
+ANOTHER_LUMP = "another_lump"
+"""The reason of an alarm that is announced again for one more lump."""
 _ROUNDING = 1e-9
 
 
@@ -57,6 +63,9 @@ class PictureJudge(Protocol):
 
     def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """A new working picture (h, w)."""
+
+    def strangers(self, roi: str, detection: Detection, time_s: float) -> tuple[int, ...]:
+        """Identities of the objects in that picture that are not on the belt, before the region was moved."""
 
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
         """What the filter made of that picture."""
@@ -79,6 +88,10 @@ class EveryPictureFit:
 
     def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """Nothing."""
+
+    def strangers(self, roi: str, detection: Detection, time_s: float) -> tuple[int, ...]:
+        """None."""
+        return ()
 
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
         """Nothing."""
@@ -128,6 +141,9 @@ class RegionChannel:
         self._make = make
         self._sizer: Sizer | None = None
         self._chosen = config.detector
+        self._next = NextLump()
+        # Only what is looked for on a belt must move with it; vehicles and people may stand.
+        self._rides = isinstance(config.detector, JdtConfig) and config.detector.likelihood.kind == "lump"
 
     def fit(self, width: int, height: int) -> None:
         """Make geometry, sizes and filter for pictures of that size; nothing where they are of that size already.
@@ -286,6 +302,8 @@ class RegionChannel:
         # A background model must not learn what covers the lens.
         detector.learns = may_learn and quality.reason is None and not quality.suspect
         found = detector.step(gray, colour, dt)
+        if self._rides:
+            found = found.without(self.pictures.strangers(name, found, time_s), NotCounted.STANDS)
         if self._sizer is not None:
             found = self._sizer.measure(found, time_s)
         if not isinstance(self.config.detector, JdtConfig):
@@ -302,6 +320,21 @@ class RegionChannel:
         self.alarm, transition = step_alarm(
             self.alarm, self.config.alarm, evidence, decided_s, observed_s=time_s
         )
+        return self._next_lump(self.detection, transition, time_s, decided_s)
+
+    def _next_lump(
+        self, found: Detection, transition: Transition | None, time_s: float, decided_s: float
+    ) -> Transition | None:
+        """An alarm that stands hides no further lump: it is announced again."""
+        if not self.alarm.active:
+            self._next.cleared()
+        elif transition is not None:
+            self._next.raised(found, time_s)
+        elif not self.pictures.current(self.config.id).held_off:
+            rules = self.config.alarm
+            if self._next.comes(found, time_s, rules.raise_above, rules.oversize_above):
+                self.alarm, transition = announce_again(self.alarm, decided_s)
+                return None if transition is None else replace(transition, reason=ANOTHER_LUMP)
         return transition
 
     def _as_configured(self, gray: Image) -> Image:

@@ -86,6 +86,7 @@ def sidecar(frame: Frame, now_s: float, quality: PictureQuality) -> bytes:
             "suspect": quality.suspect,
             "held_off": quality.held_off,
             "offset_px": quality.offset_px,
+            "standing": quality.standing,
         },
     }
     return json.dumps(fields, separators=(",", ":")).encode() + b"\n"
@@ -128,6 +129,7 @@ def _frame(header: dict[str, Any], picture: NDArray[np.uint8]) -> tuple[Frame, f
         suspect=bool(judged["suspect"]),
         held_off=bool(judged["held_off"]),
         offset_px=(int(judged["offset_px"][0]), int(judged["offset_px"][1])),
+        standing=tuple(int(i) for i in judged.get("standing", ())),  # unknown before 0.2
     )
     return frame, float(header["now_s"]), quality
 

@@ -72,6 +72,10 @@ class _Recorded(CameraQuality):
     def observe(self, roi: str, gray: Image, time_s: float) -> None:
         """Known already."""
 
+    def strangers(self, roi: str, detection: Detection, time_s: float) -> tuple[int, ...]:
+        """What was known then."""
+        return self.now.standing
+
     def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
         """Known already."""
 

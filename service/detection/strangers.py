@@ -1,0 +1,104 @@
+"""Which objects of a region are not on its belt: they stand while it moves (an insect, a drop, a logo)."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lumpwatch.models.picture.standing import LONGEST_LOOK_S, PlaceLook, StandingMeter
+from lumpwatch.models.roi import Image, Roi
+from lumpwatch.service.core import DetectedObject
+
+RODE_S = 2.0
+"""How long an object that was seen to ride must stand to count as none of the belt's: a lump that falls over the lip
+lies for a moment on what stands below. One that never rode stands at once, until it is seen to ride."""
+REMEMBERED_S = 60.0
+"""How long a place is remembered where something stood, for as long as nothing can be told of it anew."""
+_SAME_PLACE = 0.3  # of the smaller box
+
+
+_STAYED, _RODE = 0.25, 0.5  # of the belt's way: below it has stayed, above it has ridden
+
+
+@dataclass(slots=True)
+class _Known:
+    last_s: float
+    way: deque[tuple[float, NDArray[np.float64]]] = field(default_factory=deque)
+    """Times and centres."""
+    rode: bool = False
+    stands_since_s: float | None = None
+    stands: bool = False
+
+
+class Strangers:
+    """Of one region; times are those of frames and rise."""
+
+    def __init__(self, roi: Roi) -> None:
+        self._roi = roi
+        self._meter = StandingMeter(roi.mask)
+        self._known: dict[int, _Known] = {}
+        self._places: list[tuple[float, NDArray[np.float64]]] = []
+
+    def observe(self, gray: Image, time_s: float) -> None:
+        """The working picture (h, w) of a frame."""
+        self._meter.add(time_s, gray)
+
+    def among(self, objects: Iterable[DetectedObject], time_s: float) -> tuple[int, ...]:
+        """Identities of the objects (in pixels of the picture the region was made for) that stand; after `observe`."""
+        found = tuple(objects)
+        boxes = np.array([[o.x, o.y, o.w, o.h] for o in found], float).reshape(-1, 4)
+        boxes = self._roi.to_working(boxes)
+        for one, box, look in zip(found, boxes, self._meter.look(boxes), strict=True):
+            known = self._known.setdefault(one.id, _Known(time_s))
+            known.last_s = time_s
+            known.way.append((time_s, box[:2]))
+            self._learn(known, box, _stands(known, look), time_s)
+            while known.way[0][0] < time_s - LONGEST_LOOK_S:
+                known.way.popleft()
+        self._known = {i: k for i, k in self._known.items() if time_s - k.last_s <= RODE_S}
+        self._places = [(s, box) for s, box in self._places if time_s - s <= REMEMBERED_S]
+        return tuple(one.id for one in found if self._known[one.id].stands)
+
+    def _learn(self, known: _Known, box: NDArray[np.float64], stands: bool | None, time_s: float) -> None:
+        if stands is False:
+            known.stands, known.stands_since_s = False, None
+            self._forget(box)
+        elif stands is None:
+            # With the belt at rest nothing can be told, but what stood here before it stopped still does.
+            known.stands |= not known.rode and any(_shared(box, p) >= _SAME_PLACE for _, p in self._places)
+        else:
+            known.stands_since_s = time_s if known.stands_since_s is None else known.stands_since_s
+            if time_s - known.stands_since_s >= (RODE_S if known.rode else 0.0) - 1e-6:
+                known.stands = True
+                self._forget(box)
+                self._places.append((time_s, box))
+
+    def _forget(self, box: NDArray[np.float64]) -> None:
+        self._places = [(s, place) for s, place in self._places if _shared(box, place) < _SAME_PLACE]
+
+
+def _stands(known: _Known, look: PlaceLook | None) -> bool | None:
+    """By its own way where it was there for long enough, by what its place looks like where it was not."""
+    if look is None:
+        return None
+    then = next((centre for time_s, centre in reversed(known.way) if time_s <= look.since_s + 1e-6), None)
+    if then is None:
+        return look.same
+    share = float((known.way[-1][1] - then) @ look.moved) / float(look.moved @ look.moved)
+    if share > _RODE:
+        known.rode = True
+        return False
+    return True if share < _STAYED else look.same
+
+
+def _shared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """What two boxes (centre and size) have in common, as a share of the smaller one."""
+    common = np.minimum(a[:2] + a[2:] / 2, b[:2] + b[2:] / 2) - np.maximum(
+        a[:2] - a[2:] / 2, b[:2] - b[2:] / 2
+    )
+    smaller = min(float(a[2] * a[3]), float(b[2] * b[3]))
+    return float(np.prod(np.maximum(common, 0.0))) / max(smaller, 1e-9)
