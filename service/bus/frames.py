@@ -7,6 +7,7 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import cast
 
 import zenoh
@@ -20,6 +21,19 @@ SHARED_MEMORY_MIB = 36
 """What the two processes of one camera take of shared memory."""
 HANDOVER_S = 2.0
 """A publisher that has been silent for so long gives way to another one of the same key."""
+
+
+@dataclass(frozen=True, slots=True)
+class JpegPicture:
+    """A picture of a JPEG key."""
+
+    frame: int
+    """Number of the frame."""
+    width: int
+    height: int
+    jpeg: bytes
+    capture_s: float
+    """On the monotonic clock of the host that sent it."""
 
 
 class FramePublisher(Handle):
@@ -116,8 +130,8 @@ class FrameInbox(Handle):
                 return frame
         return None
 
-    def take_jpeg(self, timeout_s: float) -> tuple[int, int, int, bytes] | None:
-        """Like `take`, on a key of JPEG pictures: number of the frame, width, height, and the JPEG as it came."""
+    def take_jpeg(self, timeout_s: float) -> JpegPicture | None:
+        """Like `take`, on a key of JPEG pictures, which stay as they came."""
         deadline = time.monotonic() + timeout_s
         while (sample := self._next(deadline)) is not None:
             try:
@@ -128,7 +142,7 @@ class FrameInbox(Handle):
             if header.encoding != "jpeg" or header.thumb is not None:
                 self.malformed[Malformation.BAD_HEADER] += 1
                 continue
-            return header.seq, header.size[0], header.size[1], sample.payload.to_bytes()
+            return JpegPicture(header.seq, *header.size, sample.payload.to_bytes(), header.capture_ns / 1e9)
         return None
 
     def close(self) -> None:

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
+import math
+import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -59,7 +65,13 @@ def roi_of(camera: CameraConfig, roi_id: str) -> RoiConfig:
 
 @contextmanager
 def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
-    """A progress bar on a terminal, nothing elsewhere; yields what to call with the count so far."""
+    """A progress bar on a terminal, nothing elsewhere; yields what to call with the count so far.
+
+    Where `LUMPWATCH_PROGRESS` names a file, another program follows: it holds `stage`, `done` and `total` as JSON.
+    """
+    if file := os.environ.get("LUMPWATCH_PROGRESS"):
+        yield ProgressFile(Path(file), title, total).told
+        return
     console = Console(stderr=True)
     if not console.is_terminal:
         yield lambda _: None
@@ -73,6 +85,30 @@ def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+class ProgressFile:
+    """Progress for another program: a small file, replaced as a whole at most four times a second."""
+
+    _EVERY_S = 0.25
+
+    def __init__(
+        self, path: Path, stage: str, total: int | None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._path, self._stage, self._total, self._clock = path, stage, total, clock
+        self._told_s = -math.inf
+        self.told(0)
+
+    def told(self, done: int) -> None:
+        """So much is done; a file that cannot be written holds up nothing."""
+        if done != self._total and self._clock() - self._told_s < self._EVERY_S:
+            return
+        self._told_s = self._clock()
+        content = {"stage": self._stage, "done": done, "total": self._total}
+        temporary = self._path.with_suffix(".new")
+        with contextlib.suppress(OSError):
+            temporary.write_text(json.dumps(content))
+            temporary.replace(self._path)
 
 
 def stop_on_signals() -> threading.Event:

@@ -15,6 +15,7 @@ from lumpwatch.service.console.pictures import Pictures
 from lumpwatch.service.console.sessions import Sessions, Throttle
 from lumpwatch.service.console.stream import Stream
 from lumpwatch.service.console.users import UserFile
+from lumpwatch.service.console.work import Workshop
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,3 +34,4 @@ class Context:
     throttle: Throttle
     users: UserFile | None
     templates: Environment
+    workshop: Workshop

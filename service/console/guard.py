@@ -23,6 +23,12 @@ _POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; media-src 'self'; "
     "connect-src 'self'; form-action 'self'; frame-ancestors 'none'; base-uri 'none'"
 )
+REPORT_POLICY: Final = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+    "frame-ancestors 'none'; base-uri 'none'; sandbox"
+)
+"""Of reports, which hold their own style and pictures: no script, no form, nothing from outside, and no part of this
+site."""
 _HEADERS: Final = {
     "Content-Security-Policy": _POLICY,
     "X-Content-Type-Options": "nosniff",
@@ -74,7 +80,8 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
-                    headers[name] = value
+                    if headers.get(name) != REPORT_POLICY:
+                        headers[name] = value
                 headers.setdefault("Cache-Control", "no-store")
                 if self._config.tls:
                     headers["Strict-Transport-Security"] = "max-age=31536000"

@@ -10,10 +10,23 @@ from typing import Any
 from starlette.routing import BaseRoute, Route
 
 from lumpwatch.service.console.guard import TOKEN_HEADER
+from lumpwatch.service.console.work import body_schemas
 from lumpwatch.service.protocol import COMMANDS
 
 _PART = re.compile(r"\{(\w+)\}")
-_TYPES = {"picture": "image/jpeg", "stream": "text/event-stream", "events.csv": "text/csv"}
+_CONVERTER = re.compile(r":\w+\}")
+_TYPES = {
+    "picture": "image/jpeg",
+    "{number}.jpg": "image/jpeg",
+    "stream": "text/event-stream",
+    "events.csv": "text/csv",
+    "labels.txt": "text/plain",
+    "report": "text/html",
+}
+_REF = "#/components/schemas/{model}"
+_BODIES = {"jobs": "Order", "priors": "PriorDeed"}
+_RAW = {"clips": "application/octet-stream", "labels.txt": "text/plain"}
+"""Bodies that are files, by the last part of the path."""
 
 
 def openapi(routes: Iterable[BaseRoute]) -> dict[str, Any]:
@@ -23,7 +36,8 @@ def openapi(routes: Iterable[BaseRoute]) -> dict[str, Any]:
         if not isinstance(route, Route) or not route.path.startswith("/api/v1/"):
             continue
         for method in sorted((route.methods or set()) - {"HEAD"}):
-            paths.setdefault(route.path, {})[method.lower()] = _operation(route, method)
+            path = _CONVERTER.sub("}", route.path)
+            paths.setdefault(path, {})[method.lower()] = _operation(route, path, method)
     return {
         "openapi": "3.1.0",
         "info": {"title": "lumpwatch console", "version": version("lumpwatch")},
@@ -35,6 +49,7 @@ def openapi(routes: Iterable[BaseRoute]) -> dict[str, Any]:
                     "required": ["error"],
                     "properties": {"error": {"type": "string"}},
                 },
+                **body_schemas(_REF),
                 **{
                     name: row.request.model_json_schema()
                     for name, row in COMMANDS.items()
@@ -47,11 +62,11 @@ def openapi(routes: Iterable[BaseRoute]) -> dict[str, Any]:
     }
 
 
-def _operation(route: Route, method: str) -> dict[str, Any]:
-    last = route.path.rpartition("/")[2]
+def _operation(route: Route, path: str, method: str) -> dict[str, Any]:
+    last = path.rpartition("/")[2]
     parameters: list[dict[str, Any]] = [
         {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
-        for name in _PART.findall(route.path)
+        for name in _PART.findall(path)
     ]
     if method != "GET":
         token = {"name": TOKEN_HEADER, "in": "header", "required": True, "schema": {"type": "string"}}
@@ -66,6 +81,9 @@ def _operation(route: Route, method: str) -> dict[str, Any]:
         "parameters": parameters,
         "responses": {"200": {"description": "The answer.", "content": content}, "default": problem},
     }
-    if method != "GET":
-        told["requestBody"] = {"content": {"application/json": {"schema": {"type": "object"}}}}
+    if method == "POST" and last in _RAW:
+        told["requestBody"] = {"content": {_RAW[last]: {}}}
+    elif method == "POST":
+        named = {"$ref": _REF.format(model=_BODIES[last])} if last in _BODIES else {"type": "object"}
+        told["requestBody"] = {"content": {"application/json": {"schema": named}}}
     return told

@@ -104,8 +104,9 @@ class Pictures:
             with contextlib.closing(self._bus.frame_inbox(self._keys.jpeg(camera))) as inbox:
                 while self._wanted(camera):
                     if (taken := inbox.take_jpeg(0.5)) is not None:
-                        frame, width, height, jpeg = taken
-                        kept.append(Picture(frame, width, height, jpeg, self._clock()))
+                        kept.append(
+                            Picture(taken.frame, taken.width, taken.height, taken.jpeg, self._clock())
+                        )
         except BusClosed:
             pass
         with self._lock:

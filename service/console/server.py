@@ -20,6 +20,7 @@ from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.config import BusConfig, SiteConfig
 from lumpwatch.service.console.api import LiveApi
 from lumpwatch.service.console.board import Board
+from lumpwatch.service.console.clip_api import ClipApi
 from lumpwatch.service.console.clips import Clips
 from lumpwatch.service.console.context import Context
 from lumpwatch.service.console.edit_api import EditApi
@@ -29,6 +30,8 @@ from lumpwatch.service.console.sessions import Sessions, Throttle
 from lumpwatch.service.console.stream import Stream
 from lumpwatch.service.console.users import UserFile
 from lumpwatch.service.console.views import Views
+from lumpwatch.service.console.work import Workshop, open_workshop
+from lumpwatch.service.console.work_api import WorkApi
 from lumpwatch.service.errors import LumpwatchError
 
 log = logging.getLogger(__name__)
@@ -55,7 +58,9 @@ def run_console(
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="lumpwatch-console-")))
         bus = stack.enter_context(open_client(_as_client(config), stop))
         bus.alive(Keys(config.site).alive("console", config.site))
-        app = make_app(config, path, bus, folder)
+        workshop = open_workshop(config, path)
+        stack.callback(workshop.close)
+        app = make_app(config, path, bus, folder, workshop)
         tls = config.console.tls
         settings = uvicorn.Config(
             app,
@@ -96,7 +101,7 @@ def run_console(
             raise ConsoleError(f"console: {failed[0]}")
 
 
-def make_app(config: SiteConfig, path: Path, bus: Bus, folder: Path) -> ASGIApp:
+def make_app(config: SiteConfig, path: Path, bus: Bus, folder: Path, workshop: Workshop) -> ASGIApp:
     """The application; `folder` takes what is made for browsers."""
     board = Board(config)
     board.follow(bus)
@@ -117,8 +122,10 @@ def make_app(config: SiteConfig, path: Path, bus: Bus, folder: Path) -> ASGIApp:
         throttle=Throttle(),
         users=users,
         templates=templates,
+        workshop=workshop,
     )
-    app = Starlette(routes=[*Views(context).routes(), *LiveApi(context).routes(), *EditApi(context).routes()])
+    parts = (Views, LiveApi, EditApi, ClipApi, WorkApi)
+    app = Starlette(routes=[route for part in parts for route in part(context).routes()])
     app.mount("/static", StaticFiles(packages=[("lumpwatch.service.console", "static")]), name="static")
     app.state.guard = guard = Guard(app, config.console, sessions, users)
     return guard

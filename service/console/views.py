@@ -52,6 +52,10 @@ class Views:
             Route("/shift", self.shift),
             Route("/health", self.health),
             Route("/regions/{camera}/{roi}", self.regions),
+            Route("/clips", self.clips),
+            Route("/clips/{clip}", self.label),
+            Route("/training/{camera}/{roi}", self.training),
+            Route("/jobs/{job}", self.job),
         ]
 
     def page(self, request: Request, name: str, status: int = 200, **values: object) -> Response:
@@ -77,7 +81,10 @@ class Views:
         camera = self._context.config.cameras[0]
         links = [NAV[0], (f"/cameras/{camera.id}", "Live", "live"), *NAV[1:]]
         if user is not None and user.role >= UserRole.ENGINEER:
-            links.append((f"/regions/{camera.id}/{camera.rois[0].id}", "Regions", "regions"))
+            region = f"{camera.id}/{camera.rois[0].id}"
+            links.append((f"/regions/{region}", "Regions", "regions"))
+            links.append(("/clips", "Clips", "clips"))
+            links.append((f"/training/{region}", "Training", "training"))
         return links
 
     async def overview(self, request: Request) -> Response:
@@ -174,9 +181,41 @@ class Views:
             roi = camera.roi(request.path_params["roi"])
         except KeyError:
             return self.missing(request)
+        return self._for_engineers(request, "regions", camera=camera, roi=roi)
+
+    async def clips(self, request: Request) -> Response:
+        """Clips: recorded, uploaded, labelled."""
+        return self._for_engineers(request, "clips")
+
+    async def label(self, request: Request) -> Response:
+        """The labels of a clip."""
+        try:
+            about = self._context.workshop.library.about(request.path_params["clip"])
+        except KeyError:
+            return self.missing(request)
+        return self._for_engineers(request, "label", clip=about)
+
+    async def training(self, request: Request) -> Response:
+        """Training, and what comes of it."""
+        try:
+            camera = self._context.config.camera(request.path_params["camera"])
+            roi = camera.roi(request.path_params["roi"])
+        except KeyError:
+            return self.missing(request)
+        return self._for_engineers(request, "training", camera=camera, roi=roi)
+
+    async def job(self, request: Request) -> Response:
+        """A piece of work and its results."""
+        try:
+            job = self._context.workshop.queue.job(request.path_params["job"])
+        except KeyError:
+            return self.missing(request)
+        return self._for_engineers(request, "job", job=job)
+
+    def _for_engineers(self, request: Request, name: str, **values: Any) -> Response:
         if request.scope["user"].role < UserRole.ENGINEER:
             return self.page(request, "missing", 403)
-        return self.page(request, "regions", camera=camera, roi=roi)
+        return self.page(request, name, **values)
 
     def missing(self, request: Request) -> Response:
         """What is not there."""

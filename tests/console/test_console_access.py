@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import http.client
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +18,10 @@ from tests.console.plant import Client, Console, Plant
 
 ACK = "/api/v1/cameras/cam/rois/apron/commands/ack"
 PASSWORD = "correct horse"
+PARTS = {
+    "camera": "cam", "roi": "apron", "name": "ack", "clip": "20260101T000000-000000", "job": "x", "id": "1",
+    "file": "x", "number": "1", "version": "1",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +89,63 @@ def test_only_an_engineer_changes_a_region(console: Console) -> None:
         assert client.post(f"{region}/preview", given)[0] == 403
         assert client.ask("GET", "/regions/cam/apron")[0] == 403
     assert console.config.read_text() == before
+
+
+def test_whatever_changes_something_is_refused_to_who_may_not(console: Console, plant: Plant) -> None:
+    """Every way to change something that the API describes: none can be forgotten here."""
+    plant.deeds.clear()
+    document = json.loads(logged_in(console, "vera").ask("GET", "/api/v1/openapi.json")[2])
+    ways = [
+        (method.upper(), re.sub(r"\{(\w+)\}", lambda part: PARTS[part[1]], path))
+        for path, methods in document["paths"].items()
+        for method in methods
+        if method != "get"
+    ]
+    assert len(ways) >= 14
+    for name in ("vera", "otto"):
+        client = logged_in(console, name)
+        for method, path in ways:
+            if name == "otto" and "/commands/" in path:
+                continue
+            status, _, text = client.ask(method, path, "{}", X_CSRF_Token=client.csrf)
+            assert (status, "needs the role" in text) == (403, True), (name, method, path)
+            assert client.ask(method, path, "{}")[0] == 403, "without a token"
+    assert not plant.deeds
+    assert not list((console.config.parent / "var" / "console").glob("*/*"))
+
+
+def test_pages_of_engineers_are_neither_shown_nor_named_to_others(console: Console) -> None:
+    pages = ("/regions/cam/apron", "/clips", "/training/cam/apron")
+    emma = logged_in(console, "emma")
+    for name in ("vera", "otto"):
+        client = logged_in(console, name)
+        _, _, overview = client.ask("GET", "/")
+        for page in pages:
+            assert client.ask("GET", page)[0] == 403
+            assert emma.ask("GET", page)[0] == 200
+            assert f'href="{page}"' not in overview
+    for missing in ("/clips/20260101T000000-000000", "/clips/..%2f..", "/jobs/x", "/training/cam/moon"):
+        assert emma.ask("GET", missing)[0] == 404
+
+
+def test_an_upload_is_bounded_and_must_be_a_video(console: Console) -> None:
+    client = logged_in(console, "emma")
+    token = {"X_CSRF_Token": client.csrf}
+    for name, body, expected in (
+        ("x.mp4", b"no video", 422),
+        ("x.html", b"<script>", 422),
+        ("", b"x", 422),
+    ):
+        assert client.ask("POST", f"/api/v1/clips?camera=cam&name={name}", body, **token)[0] == expected
+    assert client.ask("POST", "/api/v1/clips?camera=moon&name=x.mp4", b"x", **token)[0] == 404
+    with contextlib.closing(http.client.HTTPConnection(client.host, timeout=20)) as connection:
+        headers = {"Cookie": client.cookie, "X-CSRF-Token": client.csrf, "Content-Length": str(1 << 40)}
+        connection.putrequest("POST", "/api/v1/clips?camera=cam&name=x.mp4")
+        for name, value in headers.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        assert connection.getresponse().status == 413, "a file that has no room is read to its end"
+    assert json.loads(client.ask("GET", "/api/v1/clips")[2])["clips"] == []
 
 
 def test_signals_of_the_plant_are_no_deeds_of_people(console: Console) -> None:
