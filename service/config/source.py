@@ -84,6 +84,21 @@ class BackoffConfig(Strict):
         return self
 
 
+class CameraTlsConfig(Strict):
+    """Whom a camera's certificate must be signed by (`rtsps` only)."""
+
+    ca: Path | None = None
+    """File of the authorities' certificates, PEM; left out: those of the system."""
+    insecure: bool = False
+    """Take any certificate: whoever stands in between reads the password and shows what pictures he likes."""
+
+    @model_validator(mode="after")
+    def _one_of_them(self) -> Self:
+        if self.insecure and self.ca is not None:
+            raise ValueError("ca and insecure contradict each other")
+        return self
+
+
 class SourceConfig(Strict):
     """One source of frames: an RTSP stream, a video file, a folder of images, or the simulated feed."""
 
@@ -91,10 +106,14 @@ class SourceConfig(Strict):
     """`rtsp://…`, a path to a video file or a folder of images, or `sim:feed?lumps_per_minute=8`."""
     transport: Literal["tcp", "udp"] = "tcp"
     """How RTP travels (RTSP only)."""
+    tls: CameraTlsConfig = CameraTlsConfig()
+    """Of an `rtsps` address: the certificate is verified."""
     open_timeout_s: PositiveSeconds = 5.0
     """A connection that has not opened by then is a fault (`open_timeout`)."""
     read_timeout_s: PositiveSeconds = 5.0
     """No frame for this long is a fault (`read_timeout`)."""
+    key_frame_timeout_s: PositiveSeconds = 30.0
+    """So long a key frame is waited for while data comes (RTSP only): no picture can be decoded before it."""
     max_age_s: PositiveSeconds = 2.0
     """A frame that arrives later than this after its capture is dropped and counted (`stale`)."""
     backoff: BackoffConfig = BackoffConfig()
@@ -129,6 +148,21 @@ class SourceConfig(Strict):
             if not host:
                 raise ValueError("url names no host")
         return value
+
+    @model_validator(mode="after")
+    def _tls_of_rtsps(self) -> Self:
+        secure = self.url.get_secret_value().lower().startswith("rtsps://")
+        if self.tls != CameraTlsConfig() and not secure:
+            raise ValueError("tls is for rtsps:// addresses")
+        return self
+
+    @property
+    def longest_silence_s(self) -> float:
+        """The longest that opening and reading can take without a frame or a fault."""
+        wait_s = (
+            max(self.read_timeout_s, self.key_frame_timeout_s) if self.kind == "rtsp" else self.read_timeout_s
+        )
+        return self.open_timeout_s + wait_s
 
     @property
     def address(self) -> str:

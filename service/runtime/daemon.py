@@ -211,7 +211,7 @@ def _as_client(bus: BusConfig, endpoints: tuple[str, ...]) -> BusConfig:
 def tasks_of(config: SiteConfig, camera: CameraConfig) -> list[Task]:
     """The processes of one camera."""
     # A connection may use up both of its time-outs without a beat, and twice as FFmpeg counts.
-    patience = 2 * (camera.source.open_timeout_s + camera.source.read_timeout_s) + 5.0
+    patience = 2 * camera.source.longest_silence_s + 5.0
     return [
         Task(camera.id, "monitor", run_monitor, (config, camera.id), MONITOR_STUCK_S),
         Task(camera.id, "camera", run_camera, (config, camera.id), patience),

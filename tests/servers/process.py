@@ -25,7 +25,7 @@ class ServerProcess:
         assert self._process.stdout
         ready, _, _ = select.select([self._process.stdout], [], [], _START_DEADLINE_S)
         self.url = self._process.stdout.readline().strip() if ready else ""
-        if not self.url.startswith("rtsp://"):
+        if not self.url.startswith(("rtsp://", "rtsps://")):
             self.kill()
             raise RuntimeError(f"the server did not start: {self.url or 'no answer'}")
 
@@ -79,12 +79,15 @@ class RtspServer(ServerProcess):
         user: str | None = None,
         password: str | None = None,
         run_by: tuple[str, ...] = (),
+        more: tuple[str, ...] = (),
     ) -> None:
-        """`run_by` is a command that runs the server, such as one that enters a network namespace."""
+        """`run_by` is a command that runs the server, such as one that enters a network namespace; `more` are further
+        options of it."""
         command = [*run_by, sys.executable, "-m", "tests.servers.rtsp_mini", str(video)]
         command += ["--host", host, "--port", str(port)]
         if user is not None:
             command += ["--user", user, "--password", password or ""]
+        command += more
         super().__init__(command)
 
 

@@ -13,6 +13,7 @@ re-encoded once at start). Lines on stdin control it:
     refuse | accept   answer DESCRIBE with 503, or normally again
 
 Usage: python -m tests.servers.rtsp_mini VIDEO [--host 127.0.0.1] [--port 0] [--user U --password P]
+    [--offers basic,MD5,SHA-256] [--cert PEM --key PEM] [--join-anywhere]
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ import argparse
 import asyncio
 import base64
 import contextlib
+import hashlib
 import random
+import re
+import ssl
 import struct
 import sys
 import time
@@ -31,6 +35,48 @@ from pathlib import Path
 from tests.servers.rtp import CLOCK_HZ, AccessUnit, Track, load
 
 _BACKLOG_BYTES = 4 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """Who is let in, and what is offered for it, in this order."""
+
+    user: str
+    password: str
+    offers: tuple[str, ...] = ("basic",)
+    realm: str = "IP Camera(12345)"
+    nonce: str = "5f1c8ad0"
+
+    def challenges(self) -> list[str]:
+        """The headers of a 401."""
+        said = []
+        for one in self.offers:
+            if one == "basic":
+                said.append(f'WWW-Authenticate: Basic realm="{self.realm}"')
+            else:
+                qop = ', qop="auth,auth-int"' if one.startswith("SHA") else ""
+                said.append(
+                    f'WWW-Authenticate: Digest realm="{self.realm}", nonce="{self.nonce}", algorithm={one}{qop}'
+                )
+        return said
+
+    def admits(self, method: str, given: str) -> bool:
+        """Whether the header `Authorization` is right."""
+        if given.startswith("Basic "):
+            right = base64.b64encode(f"{self.user}:{self.password}".encode()).decode()
+            return "basic" in self.offers and given == f"Basic {right}"
+        said = dict(re.findall(r'(\w+)="?([^",]*)"?', given.removeprefix("Digest ")))
+        algorithm = said.get("algorithm", "MD5")
+        if algorithm not in self.offers:
+            return False
+
+        def hashed(text: str) -> str:
+            return hashlib.new(algorithm.replace("-", "").lower(), text.encode()).hexdigest()
+
+        turn = [said[name] for name in ("nc", "cnonce", "qop")] if "qop" in said else []
+        parts = [hashed(f"{self.user}:{self.realm}:{self.password}"), self.nonce, *turn]
+        right = hashed(":".join([*parts, hashed(f"{method}:{said.get('uri')}")]))
+        return said.get("username") == self.user and said.get("response") == right
 
 
 @dataclass(slots=True)
@@ -59,14 +105,14 @@ class Client:
         self._channel = 0
         self._udp: asyncio.DatagramTransport | None = None
         self._playing = False
-        self._needs_key = True
+        self._needs_key = not server.join_anywhere
 
     async def serve(self) -> None:
         """Answer requests until the client goes."""
         try:
             while await self._answer():
                 pass
-        except (asyncio.IncompleteReadError, ConnectionError):
+        except (asyncio.IncompleteReadError, ConnectionError, ssl.SSLError):
             pass
         finally:
             self.close()
@@ -105,8 +151,8 @@ class Client:
         server = self._server
         if method == "OPTIONS":
             return "200 OK", ["Public: OPTIONS, DESCRIBE, SETUP, PLAY, TEARDOWN, GET_PARAMETER"], ""
-        if server.authorisation and headers.get("authorization") != server.authorisation:
-            return "401 Unauthorized", ['WWW-Authenticate: Basic realm="cam"'], ""
+        if server.login and not server.login.admits(method, headers.get("authorization", "")):
+            return "401 Unauthorized", server.login.challenges(), ""
         if method == "DESCRIBE":
             if server.mischief.refuse:
                 return "503 Service Unavailable", [], ""
@@ -175,9 +221,10 @@ class Client:
 class Server:
     """Plays one track to all clients in real time."""
 
-    def __init__(self, track: Track, authorisation: str | None) -> None:
+    def __init__(self, track: Track, login: Login | None, *, join_anywhere: bool = False) -> None:
         self.track = track
-        self.authorisation = authorisation
+        self.login = login
+        self.join_anywhere = join_anywhere
         self.mischief = Mischief()
         self.clients: set[Client] = set()
 
@@ -245,11 +292,11 @@ class Server:
                 print(f"unknown command: {line.strip()}", file=sys.stderr)
 
 
-async def run(server: Server, host: str, port: int) -> None:
+async def run(server: Server, host: str, port: int, tls: ssl.SSLContext | None) -> None:
     """Listen, print the URL, then play until stdin closes."""
     loop = asyncio.get_running_loop()
-    listener = await asyncio.start_server(server.connect, host, port)
-    print(f"rtsp://{host}:{listener.sockets[0].getsockname()[1]}/cam", flush=True)
+    listener = await asyncio.start_server(server.connect, host, port, ssl=tls)
+    print(f"{'rtsps' if tls else 'rtsp'}://{host}:{listener.sockets[0].getsockname()[1]}/cam", flush=True)
     commands = asyncio.StreamReader()
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(commands), sys.stdin)
 
@@ -273,12 +320,20 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=0)
     parser.add_argument("--user")
     parser.add_argument("--password", default="")
+    parser.add_argument("--offers", default="basic")
+    parser.add_argument("--cert")
+    parser.add_argument("--key")
+    parser.add_argument("--join-anywhere", action="store_true")
     args = parser.parse_args()
-    secret = None
+    login, tls = None, None
     if args.user is not None:
-        secret = "Basic " + base64.b64encode(f"{args.user}:{args.password}".encode()).decode()
+        login = Login(args.user, args.password, tuple(args.offers.split(",")))
+    if args.cert:
+        tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        tls.load_cert_chain(args.cert, args.key)
+    server = Server(load(args.video), login, join_anywhere=args.join_anywhere)
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(run(Server(load(args.video), secret), args.host, args.port))
+        asyncio.run(run(server, args.host, args.port, tls))
 
 
 if __name__ == "__main__":

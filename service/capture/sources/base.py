@@ -14,6 +14,7 @@ class Fault(StrEnum):
 
     UNREACHABLE = "unreachable"
     UNAUTHORISED = "unauthorised"
+    CERTIFICATE = "certificate"
     NOT_FOUND = "not_found"
     NO_PERMISSION = "no_permission"
     OPEN_TIMEOUT = "open_timeout"
@@ -21,6 +22,7 @@ class Fault(StrEnum):
     CODEC = "codec"
     EMPTY = "empty"
     CORRUPT = "corrupt"
+    NO_KEY_FRAME = "no_key_frame"
     FROZEN_PTS = "frozen_pts"
     STALE = "stale"
     SIZE_CHANGED = "size_changed"

@@ -15,6 +15,7 @@ from lumpwatch.service.capture.sources.decoding import refusing
 _WORDS = {
     Fault.UNAUTHORISED: "user or password refused",
     Fault.NOT_FOUND: "no such stream",
+    Fault.CERTIFICATE: "the camera's certificate is refused",
     Fault.OPEN_TIMEOUT: "no answer in time",
     Fault.CODEC: "no decoder for this kind of stream",
     Fault.CORRUPT: "damaged, or not a video",

@@ -3,7 +3,9 @@
 Frames that cannot be used are dropped and counted under their fault: `corrupt` (does not decode),
 `stale` (arrived more than `max_age_s` after its capture) and `frozen_pts` (its time stamp did not
 advance). The stream goes on; when nothing usable has come for `read_timeout_s`, `read` raises with
-the last such fault, or with `read_timeout` where nothing came at all.
+the last such fault, or with `read_timeout` where nothing came at all. What cannot be decoded before the first key
+frame is no damage (`no_key_frame`): while data comes, the next key frame is waited for, `key_frame_timeout_s` at
+most, for a camera may send one in 20 s only.
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterator
 
-import av
 import av.error
 from av import FFmpegError, VideoFrame
 from av.container import InputContainer
@@ -25,6 +26,7 @@ from lumpwatch.service.capture.sources.decoding import PacketDecoder
 from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, source_error, video_stream
 from lumpwatch.service.capture.sources.pacing import Times
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
+from lumpwatch.service.capture.sources.rtsp_open import RtspOpener
 from lumpwatch.service.config import SourceConfig
 from lumpwatch.service.core import CameraClock, Frame
 
@@ -34,10 +36,6 @@ _log = logging.getLogger(__name__)
 # it out first and fails at the second time only: that is why a time-out passed as it is lasts
 # twice as long. So reads are interrupted often, and the clock decides.
 _POLLS = 4
-# Connecting and probing have a time-out each.
-_OPEN_PHASES = 2
-# How long a gap in UDP packets is waited for.
-_REORDER_US = 100_000
 
 
 class RtspSource:
@@ -63,6 +61,7 @@ class RtspSource:
         self._monotonic = monotonic
         self._wall = wall
         self._assembler = Assembler(encoding)
+        self._opener = RtspOpener(config, self._name, monotonic)
         self._clock = CameraClock()
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
@@ -73,6 +72,11 @@ class RtspSource:
         self._arrived_s = 0.0
         self._good_s = 0.0
         self._left_s = 0.0
+        self._heard_s = 0.0
+        self._keys = 0
+        """Key frames since the last usable picture."""
+        self._seen_key = False
+        """Whether one has come on this connection."""
         self._trouble = Fault.READ_TIMEOUT
 
     @property
@@ -88,37 +92,14 @@ class RtspSource:
     def open(self) -> None:
         """Connect and probe; raises SourceError."""
         self.close()
-        config = self._config
-        options = {
-            "rtsp_transport": config.transport,
-            "allowed_media_types": "video",
-            "fpsprobesize": "0",
-            "max_delay": str(_REORDER_US),
-        }
-        limit = config.open_timeout_s / _OPEN_PHASES
-        start = self._monotonic()
-        failure: SourceError | None = None
-        try:
-            self._container = av.open(
-                config.address,
-                options=options,
-                timeout=(limit, config.read_timeout_s / _POLLS),
-                metadata_errors="replace",  # names of sessions may be in any encoding
-            )
-        except FFmpegError as error:
-            # An interrupted open is reported as invalid data as well.
-            late = self._monotonic() - start >= limit
-            fault = fault_of(error, Fault.OPEN_TIMEOUT if late else Fault.UNREACHABLE)
-            failure = source_error(self._name, fault, error)
-        if failure:
-            raise failure
-        assert self._container
+        self._container = self._opener.open(self._config.read_timeout_s / _POLLS)
         self._stream = video_stream(self._container, self._name)
         self._decoder = PacketDecoder(self._stream)
         self._packets = self._container.demux(self._stream)
         self._clock.restart()
         self._pts = None
-        self._good_s = self._left_s = self._monotonic()
+        self._good_s = self._left_s = self._heard_s = self._monotonic()
+        self._keys, self._seen_key = 0, False
         self._trouble = Fault.READ_TIMEOUT
 
     def close(self) -> None:
@@ -129,23 +110,32 @@ class RtspSource:
         if self._container:
             self._container.close()
             self._container = None
+        self._opener.close()
 
     def read(self) -> Frame:
         """The next usable frame; raises SourceError."""
         if not self._container:
             raise RuntimeError("read of a source that is not open")
         # The time that the caller spent elsewhere is not the stream's fault.
-        self._good_s += self._monotonic() - self._left_s
+        elsewhere_s = self._monotonic() - self._left_s
+        self._good_s, self._heard_s = self._good_s + elsewhere_s, self._heard_s + elsewhere_s
         while True:
             while self._pictures:
                 if frame := self._usable(self._pictures.popleft()):
                     self._left_s = self._monotonic()
                     return frame
-            if (silent := self._monotonic() - self._good_s) >= self._config.read_timeout_s:
+            if (silent := self._monotonic() - self._good_s) >= self._limit_s():
                 raise SourceError(
                     self._trouble, f"{self._name}: no usable picture for {silent:.1f} s ({self._trouble})"
                 )
             self._receive()
+
+    def _limit_s(self) -> float:
+        """How long no usable picture may come: longer while data comes and a key frame is due."""
+        config = self._config
+        comes = self._monotonic() - self._heard_s < config.read_timeout_s
+        due = self._trouble in (Fault.NO_KEY_FRAME, Fault.CORRUPT) and not self._keys and comes
+        return max(config.key_frame_timeout_s, config.read_timeout_s) if due else config.read_timeout_s
 
     def _receive(self) -> None:
         """Wait for one packet, or for a part of the read time-out, and decode it."""
@@ -168,20 +158,25 @@ class RtspSource:
         # A packet that an interrupted read handed out had come before; when it began, at the earliest.
         interrupted = now - began >= self._config.read_timeout_s / _POLLS
         self._arrived_s = began if interrupted else now
+        if packet.size:
+            self._heard_s = now
+            self._keys += packet.is_keyframe
+            self._seen_key |= packet.is_keyframe
         assert self._decoder
         pictures = self._decoder.decode(packet)
+        wrong = Fault.CORRUPT if self._seen_key else Fault.NO_KEY_FRAME
         if pictures is None:
-            self._drop(Fault.CORRUPT)
+            self._drop(wrong)
             return
         self._pictures.extend(pictures)
         if not self._pictures:
             # Not yet wrong, but if it goes on, data came and no picture.
-            self._trouble = Fault.CORRUPT
+            self._trouble = wrong
 
     def _usable(self, picture: VideoFrame) -> Frame | None:
         received = self._monotonic()
         if picture.is_corrupt:
-            self._drop(Fault.CORRUPT)
+            self._drop(Fault.CORRUPT if self._seen_key else Fault.NO_KEY_FRAME)
             return None
         if picture.pts is not None and picture.pts == self._pts and not self._clock.by_arrival:
             self._clock.repeated(received)
@@ -197,7 +192,7 @@ class RtspSource:
             self._drop(Fault.STALE)
             return None
         self._assembler.check_size(picture, self._name)
-        self._good_s, self._trouble = self._arrived_s, Fault.READ_TIMEOUT
+        self._good_s, self._trouble, self._keys = self._arrived_s, Fault.READ_TIMEOUT, 0
         return self._assembler.make(picture, Times(capture, received, self._wall()))
 
     def _tell(self) -> None:
