@@ -7,8 +7,9 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-# What the metrics are checked against. Without its dependencies: its opencv-python would overwrite ours.
-ORACLE := trackeval==1.3.0
+# What metrics and Sparkplug B are checked against. Without dependencies: opencv-python would overwrite ours, and
+# pysparkplug asks for an older paho-mqtt, which what is used of it does not need.
+ORACLE := trackeval==1.3.0 pysparkplug==0.6.1
 
 # What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, and
 # the means to lose packets and to step a clock.
@@ -102,7 +103,7 @@ docs: setup ## the generated part of the documentation
 lock: setup ## resolve the dependencies anew
 	$(BIN)/uv pip compile --quiet pyproject.toml --group dev --all-extras --universal --python-version 3.11 \
 		--generate-hashes --no-header --no-emit-find-links --output-file requirements.lock
-	$(BIN)/uv pip compile --quiet pyproject.toml --extra service --extra plot --extra console --universal --python-version 3.11 --constraint requirements.lock \
+	$(BIN)/uv pip compile --quiet pyproject.toml --extra service --extra plot --extra console --extra gateway --universal --python-version 3.11 --constraint requirements.lock \
 		--generate-hashes --no-header --no-emit-find-links --output-file deploy/container/requirements.lock
 
 sbom: setup ## what the image is made of, as CycloneDX, into build/sbom.json

@@ -17,6 +17,8 @@ INTERNAL = (Kind.TEST_FRAME, Kind.BLEND)
 """What the daemon's processes exchange among themselves."""
 READABLE = tuple(kind for kind in Kind if kind not in INTERNAL)
 """What everyone with a certificate may receive."""
+GATEWAY_COMMANDS = ("ack", "shelve", "unshelve")
+"""The operators' commands that a gateway to the plant's control system may give, beside the plant's signals."""
 
 _READ = ["declare_subscriber", "query", "liveliness_query", "declare_liveliness_subscriber"]
 _SEEN = ["put", "delete", "reply", "liveliness_token", "declare_subscriber", "declare_queryable"]
@@ -57,6 +59,7 @@ def access_control(access: AccessConfig, commands: Iterable[Commandable]) -> dic
     to_all = [command.name for command in given if command.role is Role.ANYONE]
     to_operators = [command.name for command in given if command.role is Role.OPERATOR]
     to_plants = [command.name for command in given if command.role is Role.PLANT]
+    from_gateways = [command.name for command in given if command.name in GATEWAY_COMMANDS]
     put = [command.name for command in given if command.role is Role.PLANT and command.puts]
     rules = [
         _rule("everything", _ALL, _ANYTHING, "ingress", "egress"),
@@ -65,6 +68,7 @@ def access_control(access: AccessConfig, commands: Iterable[Commandable]) -> dic
         _rule("command", ["query"], _of(to_operators), "ingress"),
         _rule("signal", ["query"], _of(to_plants), "ingress"),
         _rule("put", ["put"], _of(put), "ingress"),
+        _rule("pass_on", ["query"], _of(from_gateways), "ingress"),
     ]
     rules = [rule for rule in rules if rule["key_exprs"]]
     known = {rule["id"] for rule in rules}
@@ -72,6 +76,7 @@ def access_control(access: AccessConfig, commands: Iterable[Commandable]) -> dic
         "daemons": (access.daemons, ["everything"]),
         "operators": (access.operators, ["command"]),
         "plants": (access.plants, ["signal", "put"]),
+        "gateways": (access.gateways, ["pass_on", "signal", "put"]),
     }
     named = {role: (names, [rule for rule in may if rule in known]) for role, (names, may) in roles.items()}
     named = {role: given for role, given in named.items() if all(given)}

@@ -235,6 +235,18 @@ class Bus:
             token.on_close(undeclares(self._session.liveliness().declare_token(key)))
         return self._keep(token, self._senders)
 
+    def watch_alive(self, selector: str, callback: Callable[[str, bool], None]) -> Handle:
+        """Call back with the key of each liveliness token that is there, comes (True) or goes (False)."""
+
+        def pass_on(sample: zenoh.Sample) -> None:
+            callback(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        with self._receiving(selector) as worker:
+            subscriber = self._session.liveliness().declare_subscriber(
+                selector, direct(queue(worker, pass_on)), history=True
+            )
+            return self._received(worker, undeclares(subscriber))
+
     def _begin_close(self) -> bool:
         with self._lock:
             first, self._closed = not self._closed, True

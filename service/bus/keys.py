@@ -115,6 +115,10 @@ class Keys:
         """Liveliness token of a process."""
         return f"{self._root}/{Kind.ALIVE}/{_chunk(role)}/{_chunk(name)}"
 
+    def all_alive(self) -> str:
+        """Selector: the liveliness tokens of all processes."""
+        return f"{self._root}/{Kind.ALIVE}/**"
+
     def frames(self) -> str:
         """Selector: the frames of all cameras."""
         return f"{self._root}/*/{Kind.FRAME}"

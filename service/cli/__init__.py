@@ -21,6 +21,7 @@ _MODULES = {
     "run": ("run",),
     "console": ("console",),
     "users": ("users",),
+    "gateway": ("gateway",),
     "health": ("health",),
     "demo": ("demo",),
     "replay": ("replay",),
@@ -44,8 +45,10 @@ _MODULES = {
     "deploy": ("deploy",),
 }
 """Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
-_OF_CONSOLE = ("anyio", "jinja2", "starlette", "uvicorn")
-"""What the extra `console` brings."""
+_EXTRAS = {
+    "console": ("anyio", "jinja2", "starlette", "uvicorn"),
+}
+"""What an extra brings."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -74,7 +77,8 @@ def _module(name: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("lumpwatch"):
             raise
-        extra = "console" if error.name.partition(".")[0] in _OF_CONSOLE else "service"
+        missing = error.name.partition(".")[0]
+        extra = next((name for name, packages in _EXTRAS.items() if missing in packages), "service")
         raise LumpwatchError(
             f"the package {error.name} is missing, which the command needs: pip install 'lumpwatch[{extra}]'"
         ) from error

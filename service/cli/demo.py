@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import multiprocessing
 import os
-import signal
 import tempfile
 import threading
 import time
 from collections import Counter
 from importlib.resources import as_file, files
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from rich.console import Console
 
 from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.alarms import describe_alarm
+from lumpwatch.service.cli.beside import Gateway, Page
 from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
 from lumpwatch.service.config import BusConfig, SiteConfig, parse_config
 from lumpwatch.service.core import LEVEL, AlarmClass, log_to_stderr
@@ -32,7 +30,6 @@ FEED = "lumps_per_minute=4&dust=0.25"
 SEED = 10  # a lump comes early, and between two lumps the belt is clear
 CAMERA, ROI = "crusher-1", "apron"
 _EVERY_S = 2.0
-_PAGE_S = 20.0
 
 
 def add(commands: Commands) -> None:
@@ -59,6 +56,7 @@ bus: {{mode: router, listen: ["tcp/127.0.0.1:0"]}}
 store: {{path: "{store}"}}
 telemetry: {{listen: "127.0.0.1:0"}}
 console: {{listen: "127.0.0.1:0", anonymous: engineer}}
+gateway: {{modbus: {{listen: "127.0.0.1:0"}}}}
 cameras:
   - id: {CAMERA}
     source: {{url: "sim:feed?{FEED}", seed: {seed}}}
@@ -88,58 +86,13 @@ def demo(arguments: argparse.Namespace) -> int:
         with contextlib.ExitStack() as page:
 
             def begin(addresses: Addresses) -> None:
-                page.enter_context(contextlib.closing(_Page(config, file, addresses, console)))
+                for what in (Page, Gateway):
+                    page.enter_context(contextlib.closing(what(config, file, addresses.bus, console)))
                 follower.start(addresses)
 
             run_daemon(config, stop, on_ready=begin, changed=ConfigFile(file).changed)
         follower.join()
     return follower.summary()
-
-
-class _Page:
-    """The operator's console in a process of its own, as `lumpwatch console` would be."""
-
-    def __init__(self, config: SiteConfig, file: Path, addresses: Addresses, console: Console) -> None:
-        bus = BusConfig(mode="client", connect=addresses.bus)
-        ours, theirs = multiprocessing.get_context("spawn").Pipe()
-        self._connection = ours
-        self._process = multiprocessing.get_context("spawn").Process(
-            target=_serve, args=(config.model_copy(update={"bus": bus}), file, theirs), name="console"
-        )
-        self._process.start()
-        theirs.close()
-        try:
-            said = ours.recv() if ours.poll(_PAGE_S) else "does not start"
-        except EOFError:
-            said = "has ended"
-        console.print(
-            f"console  [bold]{said}[/bold]   (open it in a browser; A acknowledges)", soft_wrap=True
-        )
-
-    def close(self) -> None:
-        """End it; it also ends by itself when this process is gone."""
-        self._connection.close()
-        self._process.join(timeout=10.0)
-        if self._process.is_alive():
-            self._process.kill()
-
-
-def _serve(config: SiteConfig, file: Path, connection: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the demo says when it ends
-    stop = threading.Event()
-
-    def wait() -> None:
-        with contextlib.suppress(EOFError, OSError):
-            connection.recv()
-        stop.set()
-
-    threading.Thread(target=wait, name="end", daemon=True).start()
-    try:
-        from lumpwatch.service.console import run_console
-    except ModuleNotFoundError as error:
-        connection.send(f"needs {error.name}: pip install 'lumpwatch[service,console]'")
-        return
-    run_console(config, file, stop, connection.send)
 
 
 class _Follower:

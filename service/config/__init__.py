@@ -9,6 +9,7 @@ from lumpwatch.service.config.console import ConsoleConfig, UserRole
 from lumpwatch.service.config.detector import DetectorConfig
 from lumpwatch.service.config.evidence import EvidenceConfig, ShiftsConfig
 from lumpwatch.service.config.feed import FeedConfig
+from lumpwatch.service.config.gateway import GatewayConfig, ModbusConfig, PlantConfig
 from lumpwatch.service.config.jdt import (
     ExistenceConfig,
     HistogramConfig,
@@ -48,6 +49,7 @@ __all__ = [
     "EvidenceConfig",
     "ExistenceConfig",
     "FeedConfig",
+    "GatewayConfig",
     "HistogramConfig",
     "ImmPfConfig",
     "JdtConfig",
@@ -56,9 +58,11 @@ __all__ = [
     "LikelihoodConfig",
     "LumpConfig",
     "MixtureConfig",
+    "ModbusConfig",
     "MotionConfig",
     "NetworkConfig",
     "NotNegative",
+    "PlantConfig",
     "Positive",
     "PositiveSeconds",
     "ProofTestConfig",

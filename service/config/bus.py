@@ -47,10 +47,12 @@ class AccessConfig(Strict):
     """May acknowledge, shelve, take out of service, and judge alarms."""
     plants: tuple[CommonName, ...] = ()
     """Plant control: may suppress alarms by its signals."""
+    gateways: tuple[CommonName, ...] = ()
+    """Gateways to the plant's control system: may pass on its signals, acknowledgements and shelvings."""
 
     @model_validator(mode="after")
     def _one_role(self) -> Self:
-        names = [*self.daemons, *self.operators, *self.plants]
+        names = [*self.daemons, *self.operators, *self.plants, *self.gateways]
         if twice := {name for name in names if names.count(name) > 1}:
             raise ValueError(f"'{min(twice)}' is named more than once")
         return self

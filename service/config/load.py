@@ -36,7 +36,12 @@ def load_config(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConf
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
     bus = config.bus.model_copy(update={"tls": tls})
     return config.model_copy(
-        update={"store": store, "bus": bus, "console": config.console.under(path.parent)}
+        update={
+            "store": store,
+            "bus": bus,
+            "console": config.console.under(path.parent),
+            "gateway": config.gateway.under(path.parent),
+        }
     )
 
 

@@ -13,6 +13,7 @@ from lumpwatch.service.config.bus import BusConfig
 from lumpwatch.service.config.cameras import CameraConfig
 from lumpwatch.service.config.console import ConsoleConfig
 from lumpwatch.service.config.evidence import Days, EvidenceConfig, ShiftsConfig
+from lumpwatch.service.config.gateway import GatewayConfig
 
 
 class StoreConfig(Strict):
@@ -59,6 +60,8 @@ class SiteConfig(Strict):
     """When shifts begin, for reports."""
     console: ConsoleConfig = ConsoleConfig()
     """The operator's console, a process of its own."""
+    gateway: GatewayConfig = GatewayConfig()
+    """The gateway to the plant's control system, a process of its own."""
     cameras: Annotated[tuple[CameraConfig, ...], Field(min_length=1, max_length=64)]
     """The cameras that this daemon watches."""
 
@@ -67,6 +70,13 @@ class SiteConfig(Strict):
         ids = [camera.id for camera in self.cameras]
         if twice := {i for i in ids if ids.count(i) > 1}:
             raise ValueError(f"cameras: id '{min(twice)}' is given more than once")
+        return self
+
+    @model_validator(mode="after")
+    def _known_regions(self) -> Self:
+        known = {f"{camera.id}/{roi.id}" for camera in self.cameras for roi in camera.rois}
+        if unknown := [name for name in self.gateway.order if name not in known]:
+            raise ValueError(f"gateway.order: no camera has the region '{unknown[0]}'")
         return self
 
     def camera(self, camera_id: str) -> CameraConfig:

@@ -59,7 +59,7 @@ def endpoint() -> str:
 
 @pytest.fixture(scope="module")
 def hub(site: dict[str, TlsConfig], endpoint: str) -> Iterator[Bus]:
-    access = AccessConfig(operators=("anna",), plants=("plc",))
+    access = AccessConfig(operators=("anna",), plants=("plc",), gateways=("gw",))
     with open_hub(
         BusConfig(listen=(endpoint,), tls=site["lumpwatch"], access=access), COMMANDS.values()
     ) as bus:
@@ -231,7 +231,8 @@ def test_commands_may_be_given_by_their_role_alone() -> None:
         rule["id"]: {one.rpartition("/")[2] for one in rule["key_exprs"]} - {"**"} for rule in rules["rules"]
     }
     assert may["command"] >= {"ack", "reset", "shelve", "unshelve", "service", "verdict", "proof"}
-    assert may["signal"] == may["put"] == {"suppress"}
+    assert may["signal"] == may["put"] == {"suppress", "feed"}
+    assert may["pass_on"] == {"ack", "shelve", "unshelve"}
     assert {"evidence", "prior", "alarm", "state"} < may["read"]
     assert not may["read"] & (may["command"] | may["signal"])
     granted = {tuple(one["subjects"]): one["rules"] for one in rules["policies"]}
