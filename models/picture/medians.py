@@ -26,6 +26,12 @@ class SlowMedian:
         return len(self._values)
 
     @property
+    def range(self) -> float:
+        """From the smallest to the largest of the values; 0 without values."""
+        values = [v for _, v in self._values]
+        return max(values) - min(values) if values else 0.0
+
+    @property
     def spread(self) -> float:
         """Median distance of the values from their median; 0 without values."""
         if not self._values:

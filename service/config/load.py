@@ -35,12 +35,16 @@ def load_config(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConf
     store = config.store.model_copy(update={"path": path.parent / config.store.path})
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
     bus = config.bus.model_copy(update={"tls": tls})
+    cameras = tuple(
+        camera.model_copy(update={"source": camera.source.under(path.parent)}) for camera in config.cameras
+    )
     return config.model_copy(
         update={
             "store": store,
             "bus": bus,
             "console": config.console.under(path.parent),
             "gateway": config.gateway.under(path.parent),
+            "cameras": cameras,
         }
     )
 

@@ -88,7 +88,8 @@ class CameraTlsConfig(Strict):
     """Whom a camera's certificate must be signed by (`rtsps` only)."""
 
     ca: Path | None = None
-    """File of the authorities' certificates, PEM; left out: those of the system."""
+    """File of the authorities' certificates, PEM; relative paths begin at the configuration file. Left out: those of
+    the system."""
     insecure: bool = False
     """Take any certificate: whoever stands in between reads the password and shows what pictures he likes."""
 
@@ -155,6 +156,12 @@ class SourceConfig(Strict):
         if self.tls != CameraTlsConfig() and not secure:
             raise ValueError("tls is for rtsps:// addresses")
         return self
+
+    def under(self, folder: Path) -> SourceConfig:
+        """The same with the authorities' file taken from `folder`."""
+        if self.tls.ca is None:
+            return self
+        return self.model_copy(update={"tls": CameraTlsConfig(ca=folder / self.tls.ca)})
 
     @property
     def longest_silence_s(self) -> float:

@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 _LEAST = 0.004  # share of the width: smaller shifts are not worth following
 _SCATTER = 0.0125  # share of the width: estimates that scatter by more have found nothing
 _LEAST_ESTIMATES = 3
+_UNEVEN, _GOLDEN = 0.5, 0.6180339887498949
 
 
 class CameraShift:
@@ -59,11 +60,14 @@ class CameraShift:
         self._width = width
         self._x, self._y = SlowMedian(self._config.window_s), SlowMedian(self._config.window_s)
         self._registered_s = float("-inf")
+        self._looks = 0
         self._off_since_s: float | None = None
 
     def observe(self, frame: Frame, light: int) -> None:
         """Register a frame where it is time to."""
-        if not self._registrations or frame.capture_s < self._registered_s + self._rate_s - 1e-3:
+        # At even distances a camera that trembles would be caught in the same phase again and again.
+        wait_s = self._rate_s * (1.0 + _UNEVEN * (self._looks * _GOLDEN % 1.0 - 0.5))
+        if not self._registrations or frame.capture_s < self._registered_s + wait_s - 1e-3:
             return
         thumb = frame.thumb
         if thumb is None:
@@ -74,6 +78,7 @@ class CameraShift:
         if thumb.shape != registration.shape:
             return
         self._registered_s = frame.capture_s
+        self._looks += 1
         self._update(registration, thumb, frame.capture_s)
 
     def _update(self, registration: Registration, thumb: Image, time_s: float) -> None:
@@ -91,7 +96,8 @@ class CameraShift:
         """Move the regions along once a small shift has lasted."""
         away = max(abs(x - self.followed_px[0]), abs(y - self.followed_px[1]))
         least = max(_LEAST * self._width, 0.75 * self._step)
-        if self.lost or away < least:
+        # What scatters as much trembles where it is.
+        if self.lost or away < least + max(self._x.range, self._y.range):
             self._off_since_s = None
             return
         self._off_since_s = time_s if self._off_since_s is None else self._off_since_s

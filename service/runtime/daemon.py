@@ -27,6 +27,7 @@ from lumpwatch.service.monitor import run_monitor
 from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.runtime.config_file import changed_cameras
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
+from lumpwatch.service.storage import lock_cameras
 from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
 from lumpwatch.service.threads import use_one_thread
 
@@ -126,19 +127,22 @@ def run(
 
     `cameras` limits the daemon to some cameras and `roles` to one kind of process, for a fleet in
     which each runs elsewhere. `changed` gives a new configuration, once: cameras that differ in it are started
-    anew, the others go on. Raises BusError and TelemetryError where an address cannot be used.
+    anew, the others go on. Raises BusError and TelemetryError where an address cannot be used, and StoreError where
+    another daemon watches one of the cameras with the same store.
     """
     use_one_thread()
     registry = CollectorRegistry()
     relay = Relay()
     registry.register(relay)
     metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path)
+    chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
     with contextlib.ExitStack() as stack:
+        if "monitor" in roles:
+            stack.enter_context(lock_cameras(config.store.path, [camera.id for camera in chosen]))
         router = config.bus.mode == "router"
         hub = open_hub(config.bus, COMMANDS.values()) if router else open_client(config.bus, stop)
         stack.callback(hub.close)
         inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
-        chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
         tasks = [task for camera in chosen for task in tasks_of(inner, camera) if task.role in roles]
         for task in tasks:
             metrics.watched(task.camera, task.role)

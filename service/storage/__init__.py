@@ -30,6 +30,7 @@ from lumpwatch.service.storage.label_file import (
     is_proposal,
     read_labels,
 )
+from lumpwatch.service.storage.lock import lock_cameras
 from lumpwatch.service.storage.prior_file import Prior, PriorError, PriorMeta, decode_prior, encode_prior
 from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
 from lumpwatch.service.storage.reference_store import (
@@ -78,6 +79,7 @@ __all__ = [
     "known_lump",
     "latest_verdicts",
     "load_arrays",
+    "lock_cameras",
     "merged_events",
     "raised_alarm",
     "read_events",

@@ -377,3 +377,14 @@ def test_night_is_judged_by_the_night() -> None:
     assert {one.reason for one in found[80:]} == {None}
     thresholds = [one.quality.thresholds[Measure.BRIGHT] for one in (found[40], found[99])]
     assert thresholds[1] < thresholds[0]
+
+
+def test_a_camera_that_trembles_has_not_moved() -> None:
+    """Three pixels at 12 Hz, as of a crusher beside it: looks at even distances would catch one phase of it."""
+    shift = CameraShift("cam", QualityConfig())
+    rois = {"apron": make_roi(CONFIG.rois[0].polygon, WIDTH, HEIGHT, 320)}
+    shift.fit(rois, WIDTH, HEIGHT, REFERENCE)
+    trembling = (round(3 * np.sin(2 * np.pi * 12.0 * k / 10.0 + 1.57)) for k in range(400))
+    for one in frames(np.roll(belt(k), (y, 0), (0, 1)) for k, y in enumerate(trembling)):
+        shift.observe(one, 0)
+    assert shift.follows == 0
