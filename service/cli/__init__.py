@@ -95,7 +95,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
     except LumpwatchError as error:
-        sys.stderr.write(f"lumpwatch: {error}\n")
+        from lumpwatch.service.core import printable
+
+        sys.stderr.write(f"lumpwatch: {printable(str(error))}\n")
         return error.exit_code
     except KeyboardInterrupt:
         return 130

@@ -15,10 +15,11 @@ from pydantic import ValidationError
 from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, stop_on_signals
 from lumpwatch.service.config import BusConfig, load_config
-from lumpwatch.service.core import AlarmClass, AlarmState
+from lumpwatch.service.core import AlarmClass, AlarmState, printable
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import AlarmEvent, Silence, SilenceWatch, StateMessage
 
+_LONGEST_LINE = 1 << 20
 SILENT = 3
 """Exit code of `--exit-on-silence`."""
 
@@ -195,5 +196,5 @@ def describe_state(payload: bytes) -> str:
 
 def _print(line: str, stream: object = None) -> None:
     out = sys.stdout if stream is None else sys.stderr
-    out.write(line + "\n")
+    out.write(printable(line, _LONGEST_LINE) + "\n")
     out.flush()

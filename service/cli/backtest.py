@@ -113,7 +113,7 @@ def backtest(arguments: argparse.Namespace) -> int:
     tasks = len(setups) * len(clips)
     with _pool(min(workers, tasks)) as pool, progress("backtest", tasks) as advance:
         found = run_backtest(setups, clips, terms, arguments.fall_model, pool, advance)
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     for result in found.results:
         _print(console, result, found)
     if arguments.out is not None:

@@ -51,7 +51,7 @@ def check(arguments: argparse.Namespace) -> int:
                 notes[camera.id, roi.id],
             )
     fits = [] if arguments.size is None else _fits(config, *arguments.size)
-    console = Console()
+    console = Console(markup=False)
     console.print(table)
     for line in fits:
         console.print(line, highlight=False, soft_wrap=True)

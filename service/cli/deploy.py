@@ -134,7 +134,7 @@ def status(arguments: argparse.Namespace) -> int:
     if current is None:
         raise DeployError(f"{rollout.current}: no such container; start it by lumpwatch deploy up")
     # A pipe has no width: there nothing is cut off or broken.
-    Console(width=None if sys.stdout.isatty() else _WIDE).print(table)
+    Console(markup=False, width=None if sys.stdout.isatty() else _WIDE).print(table)
     for problem in ["it does not answer"] if problems is None else problems:
         _say(f"not ready: {problem}")
     if problems == []:

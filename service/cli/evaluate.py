@@ -148,7 +148,7 @@ def _print(scores: Scores, title: str) -> None:
     for metric in METRICS:
         value = getattr(scores, metric.field)
         table.add_row(metric.name, _figure(value), metric.better, metric.says)
-    console = Console()
+    console = Console(markup=False)
     console.print(table)
     console.print(
         f"boxes: {scores.truth_boxes} true, {scores.result_boxes} found; "

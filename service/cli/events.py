@@ -15,7 +15,7 @@ from rich.table import Table
 
 from lumpwatch.service.cli.common import Commands, add_command, camera_of
 from lumpwatch.service.config import load_config
-from lumpwatch.service.core import moment_of
+from lumpwatch.service.core import moment_of, printable
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import Event, EventLogError, event_file, merged_events
 
@@ -76,7 +76,13 @@ def _table(found: Iterator[Event]) -> None:
         where = f"{event.camera}/{event.roi} {event.alarm_class.value}"
         when = f"{event.time:%Y-%m-%d %H:%M:%S}"
         table.add_row(
-            when, where, str(event.sequence), event.change, event.after, event.actor or "", event.reason or ""
+            when,
+            printable(where),
+            str(event.sequence),
+            event.change,
+            event.after,
+            printable(event.actor or ""),
+            printable(event.reason or ""),
         )
     width = None if sys.stdout.isatty() else _WIDE
     # Operators' words are words: square brackets in them are no mark-up.

@@ -16,6 +16,7 @@ from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.cli.common import Commands, add_command
 from lumpwatch.service.config import SiteConfig, load_config
+from lumpwatch.service.core import printable
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.evidence import (
     EvidenceError,
@@ -91,7 +92,7 @@ def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> in
     for reply in bus.ask(keys.commands("evidence"), timeout_s=10.0):
         if reply.payload is None:
             raise EvidenceError(f"{reply.key}: {reply.error}")
-        found += json.loads(reply.payload)
+        found += _listed(reply.key, reply.payload)
     if arguments.what == "list":
         return _list(sorted(found, key=lambda item: str(item["time"])), arguments.json)
     name = arguments.id
@@ -110,6 +111,20 @@ def _from_bus(arguments: argparse.Namespace, config: SiteConfig, bus: Bus) -> in
     return 0
 
 
+def _listed(key: str, payload: bytes) -> list[dict[str, Any]]:
+    """The list that a monitor answers. Raises EvidenceError."""
+    try:
+        listed = json.loads(payload)
+    except (ValueError, RecursionError):
+        listed = None
+    named = ("id", "camera", "roi", "time")
+    if not isinstance(listed, list) or not all(
+        isinstance(item, dict) and all(isinstance(item.get(name), str) for name in named) for item in listed
+    ):
+        raise EvidenceError(f"{key}: the answer is no list of evidence")
+    return listed
+
+
 def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
     if as_lines:
         for item in found:
@@ -122,15 +137,15 @@ def _list(found: list[dict[str, Any]], as_lines: bool) -> int:
         except ValidationError:
             continue  # of a later version
         table.add_row(
-            meta.id,
-            f"{meta.camera}/{meta.roi} {meta.alarm_class.value} {meta.sequence}",
+            printable(meta.id),
+            printable(f"{meta.camera}/{meta.roi} {meta.alarm_class.value} {meta.sequence}"),
             f"{meta.time:%Y-%m-%d %H:%M:%S}",
             str(meta.frames),
             f"{meta.pre_roll_s:.1f} + {meta.post_roll_s:.1f}",
             f"{meta.size / (1 << 20):.1f}",
-            item.get("verdict") or "",
+            printable(str(item.get("verdict") or "")),
         )
-    Console(highlight=False, width=None if sys.stdout.isatty() else _WIDE).print(table)
+    Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else _WIDE).print(table)
     return 0
 
 

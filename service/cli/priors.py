@@ -168,5 +168,5 @@ def _list(store: PriorStore, camera: str, roi: str) -> int:
             ", ".join(prior.learned.models),
             state,
         )
-    Console().print(table)
+    Console(markup=False).print(table)
     return 0

@@ -105,4 +105,4 @@ def _print(stored: Reference) -> None:
                     f"{region.usual[measure]:.3g}",
                     f"{sign} {region.thresholds[measure]:.3g}",
                 )
-    Console().print(table)
+    Console(markup=False).print(table)

@@ -190,7 +190,7 @@ def _print(summary: Summary, out: Path, seconds: float) -> None:
             f"{counts.highest_existence:.3f}",
             f"version {counts.prior}" if counts.prior else "stated defaults",
         )
-    console = Console()
+    console = Console(markup=False)
     console.print(table)
     console.print(
         f"{summary.frames / max(seconds, 1e-9):.0f} frames a second; results in {out}", highlight=False

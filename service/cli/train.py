@@ -272,7 +272,7 @@ def _print_choice(learned: Learned, tried: Sequence[Tried]) -> None:
         table.add_column(heading)
     for one in tried:
         table.add_row(one.text, f"{one.score:.3f}", "yes" if one.chosen else "")
-    Console().print(table)
+    Console(markup=False).print(table)
     if fit.size is not None:
         sys.stdout.write(
             f"size: height = {fit.size.slope:.3f} row {fit.size.offset:+.3f} ROI heights, "
@@ -298,7 +298,7 @@ def _print(trained: Trained, stored: Prior) -> None:
             f"{rate[0]:+.3f}, {rate[1]:+.3f}",
             f"{learned.velocity_noise[m]:.3f}",
         )
-    Console().print(table)
+    Console(markup=False).print(table)
     if isinstance(learned.likelihood, HistogramFit) and learned.tracker is None:
         share = learned.likelihood.evidence
         sys.stdout.write(f"evidence: {share:g} of each frame's log likelihood ratio counts\n")

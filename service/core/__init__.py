@@ -55,6 +55,7 @@ from lumpwatch.service.core.feed import FeedState, FeedStatus, PlantFeed, Visibl
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
+from lumpwatch.service.core.plain_text import printable
 from lumpwatch.service.core.spells import Spells
 from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
 
@@ -109,6 +110,7 @@ __all__ = [
     "log_to_stderr",
     "luma_of",
     "moment_of",
+    "printable",
     "put_back",
     "reduced_frame",
     "reset",

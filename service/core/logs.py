@@ -5,7 +5,11 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from typing import Any
 
+from lumpwatch.service.core.plain_text import printable, printable_lines
+
+_FORMAT = "%(asctime)s %(levelname)-7s %(processName)s: %(message)s"
 LEVEL = "LUMPWATCH_LOG_LEVEL"
 """Environment variable: debug, info (default), warning or error; worker processes inherit it."""
 
@@ -13,10 +17,19 @@ LEVEL = "LUMPWATCH_LOG_LEVEL"
 def log_to_stderr() -> None:
     """Set up the root logger of this process."""
     level = logging.getLevelNamesMapping().get(os.environ.get(LEVEL, "info").upper(), logging.INFO)
-    logging.basicConfig(
-        stream=sys.stderr,
-        level=level,
-        format="%(asctime)s %(levelname)-7s %(processName)s: %(message)s",
-        datefmt="%Y-%m-%dT%H:%M:%S",
-        force=True,
-    )
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(OneLine(_FORMAT, "%Y-%m-%dT%H:%M:%S"))
+    logging.basicConfig(level=level, handlers=[handler], force=True)
+
+
+class OneLine(logging.Formatter):
+    """A message is one line of bounded length, whatever stands in it; a traceback follows it line by line."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - as the library calls it
+        """The line of a record."""
+        record.message = printable(record.message)
+        return super().formatMessage(record)
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - as the library calls it
+        """Its traceback."""
+        return printable_lines(super().formatException(ei))

@@ -49,8 +49,11 @@ def read_evidence(folder: Path) -> Evidence:
     """The evidence in a folder; its other files are not looked at. Raises EvidenceError."""
     path = folder / META
     try:
-        return Evidence(folder, EvidenceMeta.model_validate_json(path.read_bytes()))
+        found = Evidence(folder, EvidenceMeta.model_validate_json(path.read_bytes()))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror}); is this evidence?") from error
     except ValidationError as error:
         raise EvidenceError(f"{path}: is not what evidence says of itself") from error
+    if odd := [name for name in found.meta.files if Path(name).name != name]:
+        raise EvidenceError(f"{path}: '{odd[0]}' is not the name of a file")
+    return found

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -20,11 +21,24 @@ from pydantic import ValidationError
 from lumpwatch.service.bus import Bus
 from lumpwatch.service.evidence.folder import Evidence, EvidenceError, read_evidence
 from lumpwatch.service.evidence.store import EvidenceStore
-from lumpwatch.service.protocol import META, EvidenceMeta, EvidenceRequest
+from lumpwatch.service.protocol import (
+    CAMERA,
+    CLIP,
+    META,
+    PRIOR,
+    STATE,
+    STATES,
+    STILL,
+    TIMES,
+    EvidenceMeta,
+    EvidenceRequest,
+)
 
 PIECE = 1 << 20
 """Bytes of a file in one answer, unless fewer are asked for."""
 _MOST_LISTED = 1000
+_MOST_BYTES = 8 << 30
+_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,127}")
 
 Verdicts = Callable[[], dict[tuple[str, str], str]]
 """Tells the verdict that counts, by ROI and evidence id."""
@@ -64,20 +78,36 @@ def fetch_evidence(bus: Bus, key: str, evidence: str, out: Path) -> Evidence:
         meta = EvidenceMeta.model_validate_json(answer)
     except ValidationError as error:
         raise EvidenceError(f"{key}: the answer is no evidence") from error
+    _check_asked(meta, key, evidence)
 
     def fill(folder: Path) -> None:
         (folder / META).write_bytes(meta.line() + b"\n")
         for name, stored in meta.files.items():
-            if Path(name).name != name:
-                raise EvidenceError(f"{key}: '{name}' is not the name of a file")
             with (folder / name).open("wb") as file:
                 while file.tell() < stored.size:
                     piece = _ask(bus, key, {"id": evidence, "file": name, "offset": str(file.tell())})
-                    if not piece:
-                        raise EvidenceError(f"{key}: {name} ends after {file.tell()} of {stored.size} bytes")
+                    if not piece or len(piece) > stored.size - file.tell():
+                        raise EvidenceError(f"{key}: {name} does not end as it should ({stored.size} bytes)")
                     file.write(piece)
 
     return put_down(meta, out, fill)
+
+
+def _check_asked(meta: EvidenceMeta, key: str, evidence: str) -> None:
+    """Raises EvidenceError for an answer that is not what was asked, or asks for more than evidence takes.
+
+    Names from the bus become names of files here.
+    """
+    camera, roi = key.split("/")[-3:-1]
+    if (meta.camera, meta.roi) != (camera, roi) or evidence not in (meta.id, f"{camera}/{roi}/{meta.id}"):
+        raise EvidenceError(f"{key}: the answer is of other evidence")
+    if not _FILE_NAME.fullmatch(meta.id):
+        raise EvidenceError(f"{key}: the answer's id is no name")
+    if unknown := sorted(set(meta.files) - {CLIP, TIMES, STATES, STATE, PRIOR, CAMERA, STILL}):
+        raise EvidenceError(f"{key}: {unknown[0]!r:.80} is no file of evidence")
+    size = sum(stored.size for stored in meta.files.values())
+    if min((stored.size for stored in meta.files.values()), default=0) < 0 or size > _MOST_BYTES:
+        raise EvidenceError(f"{key}: no evidence takes {size >> 20} MiB")
 
 
 def copy_evidence(evidence: Evidence, out: Path) -> Evidence:

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from lumpwatch.service.bus import Bus, Keys, Message, Publisher
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import AlarmChange, AlarmClass, Changed, Clocks, RoiResult
+from lumpwatch.service.core import AlarmChange, AlarmClass, Change, Changed, Clocks, RoiResult
 from lumpwatch.service.evidence import Trigger
 from lumpwatch.service.monitor.alarm_record import AlarmRecord, Source, finish
 from lumpwatch.service.monitor.effects import Confirm, Count, Effect, KeepEvidence, Publish, Write, effects_of
@@ -79,6 +79,8 @@ class Announcer:
         self._source = Source(site, camera.id, clock)
         self._clocks = clocks
         self._evidence: Evidence = evidence or NoEvidence()
+        self._shown: set[tuple[str, AlarmClass]] = set()
+        """Conditions that there is evidence of."""
         self._uptime = UptimeRecorder()
         self._rois = {roi.id: roi for roi in camera.rois}
         self._largest = {roi.id: LargestLump() for roi in camera.rois}
@@ -204,15 +206,21 @@ class Announcer:
                 publisher=self._alarms[result.roi].name,
                 latency=self._latency[result.roi].last,
                 largest_lump=self._largest[result.roi].details(),
-                evidence=self._evidence.wants,
+                evidence=self._wants,
             )
             for sequence, change in enumerate(result.changes, self._sequences[result.roi] + 1)
         ]
 
+    def _wants(self, trigger: Trigger) -> bool:
+        """Whether there will be evidence: once of a condition, however often holds end and it is raised anew."""
+        return (trigger.roi, trigger.alarm_class) not in self._shown and self._evidence.wants(trigger)
+
     def _do(self, effect: Effect) -> None:
         match effect:
             case KeepEvidence(trigger):
-                self._evidence.begin(trigger)
+                of = (trigger.roi, trigger.alarm_class)
+                if of not in self._shown and self._evidence.begin(trigger):
+                    self._shown.add(of)
             case Write(entries):
                 self._sequences |= {entry.event.roi: entry.event.sequence for entry in entries}
                 self._events.write(entries)
@@ -220,6 +228,8 @@ class Announcer:
                 self._alarms[entry.event.roi].put(entry.record, entry.event.sequence)
             case Count(roi, alarm_class, transition, existence, frame):
                 self._metrics.transition(roi, alarm_class, transition)
+                if transition.change in (Change.CLEARED, Change.INACTIVE):
+                    self._shown.discard((roi, alarm_class))
                 actor = f" by {transition.actor}" if transition.actor else ""
                 log.warning(
                     "%s/%s: %s alarm %s%s (existence %.2f, frame %d)",

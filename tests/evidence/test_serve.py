@@ -129,9 +129,39 @@ def test_a_foreign_answer_writes_nothing_elsewhere(store: EvidenceStore, tmp_pat
         return json.dumps(told).encode()
 
     bus: Any = bus_of(store, change=named)
-    with pytest.raises(EvidenceError, match="not the name"):
+    with pytest.raises(EvidenceError, match="no file of evidence"):
         fetch_evidence(bus, KEY, name_of(store), tmp_path / "a" / "b")
     bus = bus_of(store, change=lambda _: b"nonsense")
     with pytest.raises(EvidenceError, match="no evidence"):
         fetch_evidence(bus, KEY, name_of(store), tmp_path / "a" / "b")
     assert not (tmp_path / "escaped").exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"camera": "../../escaped"}, "of other evidence"),
+        ({"roi": "x/../../.."}, "of other evidence"),
+        ({"id": "../../../escaped"}, "of other evidence"),
+        ({"files": {"clip.mkv": {"size": 1 << 50, "sha256": "00"}}}, "no evidence takes"),
+        ({"files": {"clip.mkv": {"size": -5, "sha256": "00"}}}, "no evidence takes"),
+        ({"files": {"authorized_keys": {"size": 1, "sha256": "00"}}}, "no file of evidence"),
+    ],
+)
+def test_a_forged_answer_names_no_place_of_its_own(
+    store: EvidenceStore, tmp_path: Path, changed: dict[str, Any], told: str
+) -> None:
+    bus: Any = bus_of(store, change=lambda answer: json.dumps(json.loads(answer) | changed).encode())
+    out = tmp_path / "a" / "b"
+    with pytest.raises(EvidenceError, match=told):
+        fetch_evidence(bus, KEY, name_of(store), out)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_piece_longer_than_its_file_is_refused(store: EvidenceStore, tmp_path: Path) -> None:
+    def longer(answer: bytes) -> bytes:
+        return answer if answer[:1] == b"{" else answer + bytes(1000)
+
+    bus: Any = bus_of(store, change=longer)
+    with pytest.raises(EvidenceError, match="does not end as it should"):
+        fetch_evidence(bus, KEY, name_of(store), tmp_path)

@@ -11,7 +11,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.bus.ordering import Message
-from lumpwatch.service.core.alarm import AlarmClass
+from lumpwatch.service.core.alarm import AlarmClass, Change
 from lumpwatch.service.core.clock import Clocks
 from lumpwatch.service.core.detection import Detection, LumpSize
 from lumpwatch.service.evidence import Trigger
@@ -315,3 +315,21 @@ def test_a_change_that_cannot_be_recorded_is_said_before_it_is_made() -> None:
         target.check(STILL, AlarmClass.LUMP, (change.alarm, (made,)))
     assert world.seen == []
     assert target.sequence("apron") == 0
+
+
+def test_shelving_again_and_again_makes_one_evidence_of_one_lump() -> None:
+    evidence = AllEvidence()
+    target = announcer(World(), evidence=evidence)
+    (raised,) = RESULT.changes
+    target.announce((RESULT,))
+    flood = [
+        replace(raised, transition=replace(raised.transition, change=change))
+        for change in (Change.SHELVED, Change.UNSHELVED, Change.RAISED)
+    ]
+    for _ in range(20):
+        target.announce((replace(RESULT, changes=tuple(flood)),))
+    assert len(evidence.begun) == 1
+    over = replace(raised, transition=replace(raised.transition, change=Change.CLEARED))
+    target.announce((replace(RESULT, changes=(over,)),))
+    target.announce((RESULT,))
+    assert len(evidence.begun) == 2

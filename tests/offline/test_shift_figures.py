@@ -318,3 +318,11 @@ def test_without_an_event_log_there_is_no_report(tmp_path: Path, capsys: pytest.
     config.write_text(json.dumps(site_tree() | {"store": {"path": str(tmp_path / "var")}}))
     assert main(["report", str(config)]) == 1
     assert "holds no event log" in capsys.readouterr().err
+
+
+def test_a_lump_that_is_shelved_again_and_again_is_one_lump() -> None:
+    changes = ["raised", *["shelved", "unshelved", "raised"] * 5, "cleared", "raised"]
+    events = [event(600 + k, change, k + 1) for k, change in enumerate(changes)]
+    record = roi_record(("cam", "apron"), events, HOUR, {})
+    assert [story.raised.sequence for story in record.alarms] == [1, len(changes)]
+    assert record.alarms[0].cleared is not None

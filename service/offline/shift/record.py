@@ -110,17 +110,24 @@ def roi_record(
     return record
 
 
+_RELEASES = frozenset({Change.UNSHELVED.value, Change.UNSUPPRESSED.value, Change.PUT_BACK.value})
+
+
 def _stories(events: Iterable[Event]) -> list[AlarmStory]:
     stories: list[AlarmStory] = []
+    released = False
     for event in events:
         if event.change == Change.RAISED.value:
-            stories.append(AlarmStory(event))
+            # The end of a hold raises what is still there anew: the lump is the same.
+            if not (released and stories and stories[-1].cleared is None):
+                stories.append(AlarmStory(event))
         elif stories:
             last = stories[-1]
             if event.change == Change.ACKNOWLEDGED.value and last.acknowledged is None:
                 last.acknowledged = event
             elif event.change in (Change.CLEARED.value, Change.INACTIVE.value) and last.cleared is None:
                 last.cleared = event
+        released = event.change in _RELEASES
     return stories
 
 
