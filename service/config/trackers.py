@@ -149,6 +149,8 @@ class JpdaConfig(TrackerBase):
     """Probability that an object is found in a frame."""
     clutter: Positive = 0.5
     """False regions expected in a frame."""
+    association: Literal["jpda_star", "jpda"] = "jpda_star"
+    """How regions are given to targets: jpda_star keeps close targets apart, jpda is the plain sum over all pairings."""
     gate_sigma: Positive = 4.0
     """Radius of the validation gate in standard deviations."""
     measurement_noise_h: Positive = 0.01

@@ -11,15 +11,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from lumpwatch.models.trackers.jpda import associate
+from lumpwatch.models.trackers.jpda import associate, associate_star
 
 Array = NDArray[np.float64]
 
 
-def enumerated(likelihood: Array, detection: Array, clutter: float, gate: float) -> Array:
-    """Eq. 24 event by event: lambda^false, P_D L for a pair, 1 - P_D P_G for a miss."""
+def enumerated(
+    likelihood: Array, detection: Array, clutter: float, gate: float, star: bool = False
+) -> Array:
+    """Eq. 24 event by event: lambda^false, P_D L for a pair, 1 - P_D P_G for a miss; one permutation for JPDA*."""
     n, m = likelihood.shape
     total = np.zeros((n, m + 1))
+    best: dict[object, tuple[float, tuple[int, ...]]] = {}
     for event in itertools.product(range(m + 1), repeat=n):
         used = [j for j in event if j > 0]
         if len(used) > len(set(used)):
@@ -27,6 +30,9 @@ def enumerated(likelihood: Array, detection: Array, clutter: float, gate: float)
         weight = clutter ** (m - len(used))
         for i, j in enumerate(event):
             weight *= detection[i] * likelihood[i, j - 1] if j else 1.0 - detection[i] * gate
+        kind = (tuple(j > 0 for j in event), frozenset(used)) if star else event
+        best[kind] = max(best.get(kind, (-1.0, event)), (weight, event))
+    for weight, event in best.values():
         for i, j in enumerate(event):
             total[i, j] += weight
     return total / total.sum(axis=1, keepdims=True)
@@ -51,6 +57,31 @@ def test_marginals_equal_enumeration(case: tuple[Array, Array, float, float]) ->
     result = associate(likelihood, detection, clutter, gate)
     assert result.beta == pytest.approx(enumerated(likelihood, detection, clutter, gate), abs=1e-12)
     assert not result.approximate.any()
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(1, 4), st.integers(0, 5), st.integers(0, 2**32 - 1), st.floats(0.0, 0.999))
+def test_pruned_marginals_equal_enumeration(n: int, m: int, seed: int, detection: float) -> None:
+    """Drawn at random: of equally likely permutations either may be kept."""
+    rng = np.random.default_rng(seed)
+    likelihood = rng.exponential(1.0, (n, m)) * (rng.random((n, m)) < 0.7)
+    result = associate_star(likelihood, detection, 0.3, 0.9)
+    expected = enumerated(likelihood, np.full(n, detection), 0.3, 0.9, star=True)
+    assert result.beta == pytest.approx(expected, abs=1e-12)
+    assert not result.approximate.any()
+
+
+def test_pruned_by_hand() -> None:
+    """r = [[2, 1], [1, 3]]: 1 (none), 2 + 1 + 1 + 3 (one pair) and 6 (both, straight), 1 (crossed) left out: 14."""
+    beta = associate_star(np.array([[0.2, 0.1], [0.1, 0.3]]), 0.5, 0.1).beta
+    assert beta == pytest.approx(np.array([[5, 8, 1], [4, 1, 9]]) / 14, abs=1e-14)
+
+
+def test_too_large_a_cluster_is_not_pruned_and_says_so() -> None:
+    likelihood = np.random.default_rng(0).exponential(1.0, (7, 10))
+    result = associate_star(likelihood, 0.9, 0.1)
+    assert result.approximate.all()
+    assert result.beta == pytest.approx(associate(likelihood, 0.9, 0.1).beta, abs=1e-14)
 
 
 @settings(max_examples=100, deadline=None)

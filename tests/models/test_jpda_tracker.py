@@ -250,3 +250,8 @@ def test_bad_input_is_refused_and_changes_nothing(
 def test_a_picture_without_extent_is_refused() -> None:
     with pytest.raises(ValueError, match="height"):
         JpdaTracker(PLAIN, (0, 360))
+
+
+def test_an_unknown_association_is_refused() -> None:
+    with pytest.raises(ValueError, match="association must be jpda_star or jpda, not 'gnn'"):
+        JpdaOptions(association="gnn")  # type: ignore[arg-type]

@@ -80,6 +80,28 @@ def test_half_the_time_step_gives_about_the_same() -> None:
         assert 0.1 - 1e-9 <= confirmed * dt <= 0.1 + 1 / 15
 
 
+def test_close_targets_are_not_drawn_together() -> None:
+    """Two move side by side, 3 px apart, and are measured to 2 px: the plain sum sees both in the middle."""
+    gaps = {}
+    for association in ("jpda_star", "jpda"):
+        rng = np.random.default_rng(3)
+        subject = tracker(
+            replace(PLAIN, split=False, association=association, birth_apart=0.0, shared_s=100.0)
+        )
+        kept = []
+        for k in range(120):
+            away = 1.5 + max(0.0, 12.0 - 0.4 * k)
+            at = np.array([[100.0 - away, 30.0 + k], [100.0 + away, 30.0 + k]]) + rng.normal(0.0, 2.0, (2, 2))
+            objects = {
+                one.id: one.box for one in subject.step(np.hstack([at, np.full((2, 2), 6.0)]), DT)
+            }
+            if k >= 60:
+                kept.append(abs(objects[2][0] - objects[1][0]))
+        gaps[association] = float(np.mean(kept))
+    assert gaps["jpda_star"] == pytest.approx(3.0, abs=1.0)
+    assert gaps["jpda"] < 0.5
+
+
 def test_colour_tells_two_measurements_apart() -> None:
     """A red target; a blue box lies nearer to its prediction than the red one."""
     picture = np.zeros((*SHAPE, 3), np.uint8)

@@ -17,6 +17,15 @@ that use exactly the targets S, B_j(S) that of the other measurements with the t
 O(m 2^n n) operations, n the smaller side of the cluster. Where n is larger than allowed, the marginals
 are approximated by loopy belief propagation, which converges always (Williams, Lau 2014), and the
 result says so.
+
+JPDA* (Blom, Bloem 2000, "Probabilistic data association avoiding track coalescence") prunes before it
+sums: of all events that detect the same targets D by the same measurements M only the most probable
+permutation counts. The mean over permutations is what draws close targets together. With j the first of M,
+
+    W(D, M) = max over i in D of r_ij W(D - i, M - j),   W(empty, empty) = 1,
+
+and beta_ij is the share of those W(D, M) whose best permutation holds the pair: O(2^(n + m) n). Clusters of
+more than `LARGEST_PRUNED` targets and measurements are not pruned, which the result says too.
 """
 
 from __future__ import annotations
@@ -29,6 +38,8 @@ from numpy.typing import NDArray
 
 LARGEST_EXACT = 14
 """A cluster's smaller side beyond which sums over subsets are refused."""
+LARGEST_PRUNED = 16
+"""Targets and measurements of a cluster beyond which JPDA* falls back on the sum over all events."""
 _SWEEPS = 200
 _SETTLED = 1e-7
 
@@ -40,7 +51,7 @@ class Association:
     beta: NDArray[np.float64]
     """Probabilities (n, m + 1), each row summing to 1; column 0: the target was missed."""
     approximate: NDArray[np.bool_]
-    """Targets whose cluster was too large for the exact sum (n,)."""
+    """Targets whose cluster was too large for the exact or the pruned sum (n,)."""
 
 
 def associate(
@@ -57,6 +68,31 @@ def associate(
     limit from below. `exact` is the largest smaller side of a cluster that is summed exactly. Raises
     ValueError for shapes that do not fit and values that are no density or probability.
     """
+    return _associate(likelihood, detection, clutter, gate_probability, exact, False)
+
+
+def associate_star(
+    likelihood: NDArray[np.float64],
+    detection: float | NDArray[np.float64],
+    clutter: float,
+    gate_probability: float = 1.0,
+    exact: int = 12,
+) -> Association:
+    """JPDA*: the same, but of events with the same targets and measurements the most probable alone counts.
+
+    Arguments and errors are those of `associate`. Keeps targets apart that stay close.
+    """
+    return _associate(likelihood, detection, clutter, gate_probability, exact, True)
+
+
+def _associate(
+    likelihood: NDArray[np.float64],
+    detection: float | NDArray[np.float64],
+    clutter: float,
+    gate_probability: float,
+    exact: int,
+    star: bool,
+) -> Association:
     density = np.ascontiguousarray(likelihood, dtype=float)
     if density.ndim != 2:
         raise ValueError(f"the likelihood must be (targets, measurements), not {density.shape}")
@@ -72,12 +108,12 @@ def associate(
     if not 0 <= exact <= LARGEST_EXACT:
         raise ValueError(f"clusters are summed exactly up to {LARGEST_EXACT}, not {exact}")
     seen = np.ascontiguousarray(np.broadcast_to(seen, len(density)))
-    beta, approximate = _marginals(density, seen, 1.0 - seen * gate_probability, clutter, exact)
+    beta, approximate = _marginals(density, seen, 1.0 - seen * gate_probability, clutter, exact, star)
     return Association(beta, approximate)
 
 
 @njit(cache=True)
-def _marginals(density, seen, missed, clutter, exact):  # type: ignore[no-untyped-def]
+def _marginals(density, seen, missed, clutter, exact, star):  # type: ignore[no-untyped-def]
     n, m = density.shape
     beta = np.zeros((n, m + 1))
     approximate = np.zeros(n, np.bool_)
@@ -102,7 +138,12 @@ def _marginals(density, seen, missed, clutter, exact):  # type: ignore[no-untype
                 if largest > 0.0 and seen[i] > 0.0:
                     miss = max(missed[i] * clutter / largest, seen[i] / cap)
                     ratios[a, b] = seen[i] * (density[i, measurements[b]] / largest) / miss
-        if smaller > exact:
+        pruned = star and len(targets) + len(measurements) <= LARGEST_PRUNED
+        if star and not pruned and smaller > 1:
+            approximate[targets] = True
+        if pruned:
+            pairs, free = _pruned(ratios)
+        elif smaller > exact:
             pairs, free = _propagated(ratios)
             approximate[targets] = True
         elif len(targets) <= len(measurements):
@@ -177,6 +218,41 @@ def _summed(ratios):  # type: ignore[no-untyped-def]
         for j in range(q):
             columns[j] += forward[j, s] / everything * backward[j + 1, s]
     return pairs, rows, columns
+
+
+@njit(cache=True)
+def _pruned(ratios):  # type: ignore[no-untyped-def]
+    """Marginals of pairs (k, q) and of rows without a partner (k,), one permutation for each D and M."""
+    k, q = ratios.shape
+    best, chosen = np.zeros((1 << k, 1 << q)), np.zeros((1 << k, 1 << q), np.uint8)
+    best[0, 0] = total = 1.0
+    free = np.ones(k)
+    for s in range(1, 1 << k):
+        for t in range(1, 1 << q):
+            j = 0
+            while not t >> j & 1:
+                j += 1
+            for i in range(k):
+                if s >> i & 1:
+                    weight = ratios[i, j] * best[s ^ (1 << i), t ^ (1 << j)]
+                    if weight > best[s, t]:
+                        best[s, t], chosen[s, t] = weight, i
+            if best[s, t] > 0.0:
+                total += best[s, t]
+                for i in range(k):
+                    if not s >> i & 1:
+                        free[i] += best[s, t]
+    pairs = np.zeros((k, q))
+    # From the larger sets down: what counts for a set's best permutation counts for all pairs within it.
+    for s in range((1 << k) - 1, 0, -1):
+        for t in range((1 << q) - 1, 0, -1):
+            if best[s, t] > 0.0:
+                j, i = 0, chosen[s, t]
+                while not t >> j & 1:
+                    j += 1
+                pairs[i, j] += best[s, t] / total
+                best[s ^ (1 << i), t ^ (1 << j)] += best[s, t]
+    return pairs, free / total
 
 
 @njit(cache=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -50,6 +51,8 @@ class JpdaOptions:
     space_weight: float = 0.7
     """Exponent of the spatial likelihood ratio (Eq. 33)."""
     colour: ColourOptions = field(default_factory=ColourOptions)
+    association: Literal["jpda_star", "jpda"] = "jpda_star"
+    """JPDA* counts the most probable permutation alone, which keeps close targets apart; jpda sums over all events."""
     exact: int = 12
     """Smaller side of the largest cluster whose marginals are summed exactly; time doubles with each."""
     most: int = 64
@@ -100,6 +103,8 @@ class JpdaOptions:
             _check(name, getattr(self, name), 0.0, 1.0)
         if not 0 <= self.exact <= LARGEST_EXACT:
             raise ValueError(f"exact must lie between 0 and {LARGEST_EXACT}, not {self.exact}")
+        if self.association not in ("jpda_star", "jpda"):
+            raise ValueError(f"association must be jpda_star or jpda, not {self.association!r}")
         if self.most < 1:
             raise ValueError(f"most must be at least 1, not {self.most}")
         if any(len(polygon) < 3 for polygon in (*self.entries, *self.exits)):

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.trackers.jpda import colour
-from lumpwatch.models.trackers.jpda.association import Association, associate
+from lumpwatch.models.trackers.jpda.association import Association, associate, associate_star
 from lumpwatch.models.trackers.jpda.edges import centres, cut_by_edge
 from lumpwatch.models.trackers.jpda.kalman import STATE, Gaussians, Innovations, innovations, predict, update
 from lumpwatch.models.trackers.jpda.options import JpdaOptions
@@ -50,6 +50,9 @@ class Associator(Protocol):
         self, likelihood: Array, detection: Array, clutter: float, gate_probability: float, exact: int
     ) -> Association:
         """The weights of all pairs."""
+
+
+_ASSOCIATORS: dict[str, Associator] = {"jpda": associate, "jpda_star": associate_star}
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +79,17 @@ class JpdaTracker:
     """Tracks boxes that a detector finds in pictures of one size; deterministic."""
 
     def __init__(
-        self, options: JpdaOptions, shape: tuple[int, int], associate: Associator = associate
+        self, options: JpdaOptions, shape: tuple[int, int], associator: Associator | None = None
     ) -> None:
-        """`shape` is height and width of the pictures. Raises ValueError where one is not positive."""
+        """`shape` is height and width of the pictures; an `associator` takes the place of `options.association`.
+
+        Raises ValueError where height or width is not positive.
+        """
         if min(shape) < 1:
             raise ValueError(f"the picture must have a height and a width, not {shape}")
         self._options = options
         self._shape = shape
-        self._associate = associate
+        self._associate = associator or _ASSOCIATORS[options.association]
         self._density = options.clutter / (shape[0] * shape[1])
         self._gate_probability = 1.0 - float(np.exp(-0.5 * options.gate_sigma**2))
         self._noise = np.eye(2) * options.noise_px**2
@@ -91,7 +97,7 @@ class JpdaTracker:
         self._targets: list[_Target] = []
         self._next_id = 1
         self.approximated = 0
-        """Steps in which a cluster was too large for exact marginals."""
+        """Steps in which a cluster was too large for the exact or the pruned sum."""
 
     def step(
         self, boxes: Array, dt: float, picture: NDArray[np.uint8] | None = None

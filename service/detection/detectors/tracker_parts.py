@@ -90,6 +90,7 @@ def make_jpda(
         noise_px=config.measurement_noise_h * height,
         detection=config.detection,
         clutter=config.clutter,
+        association=config.association,
         gate_sigma=config.gate_sigma,
         space_weight=1.0 - config.colour_weight,
         colour=ColourOptions(weight=config.colour_weight),

@@ -16,7 +16,7 @@ from docs.experiments.traffic.scene import LEARNING, make_sequence
 from lumpwatch.models.trackers.background.model import StatisticalBackground
 from lumpwatch.models.trackers.background.options import BackgroundOptions
 from lumpwatch.models.trackers.foreground import Foreground, MixtureForeground
-from lumpwatch.models.trackers.jpda import Association, ColourOptions, JpdaOptions, associate
+from lumpwatch.models.trackers.jpda import Association, ColourOptions, JpdaOptions
 from lumpwatch.models.trackers.jpda.tracker import Associator
 from tests.reproduction.paper3_jpda import page, peers, plots
 from tests.reproduction.paper3_jpda.simulation import PAPER, SETTINGS, Score, Setting, global_nearest, trial
@@ -44,13 +44,14 @@ def nearest_in_tracker(
     return global_nearest(likelihood, detection[:, None], clutter)
 
 
-VARIANTS: dict[str, tuple[JpdaOptions, Associator]] = {
-    "as it is": (OPTIONS, associate),
-    "regions not cut": (replace(OPTIONS, split=False), associate),
-    "without colour": (replace(OPTIONS, colour=ColourOptions(weight=0.0)), associate),
+VARIANTS: dict[str, tuple[JpdaOptions, Associator | None]] = {
+    "as it is": (OPTIONS, None),
+    "JPDA over all pairings": (replace(OPTIONS, association="jpda"), None),
+    "regions not cut": (replace(OPTIONS, split=False), None),
+    "without colour": (replace(OPTIONS, colour=ColourOptions(weight=0.0)), None),
     "space alone, exponent 1": (
         replace(OPTIONS, colour=ColourOptions(weight=0.0), space_weight=1.0),
-        associate,
+        None,
     ),
     "global nearest neighbour": (OPTIONS, nearest_in_tracker),
     "global nearest neighbour, regions not cut": (replace(OPTIONS, split=False), nearest_in_tracker),

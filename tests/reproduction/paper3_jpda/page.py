@@ -135,7 +135,7 @@ def _simulation_table(simulated: Simulated) -> str:
 def _simulation_reading(simulated: Simulated) -> str:
     """Paired comparison of the exact association with the others, in words."""
     lines = [
-        "Targets tracked right through, exact JPDA less the other, points, with the 95 % interval of the paired mean:",
+        "Targets tracked right through, JPDA* (the default) less the other, points, with the 95 % interval of the paired mean:",
         "",
     ]
     ours, *others = METHODS
@@ -158,8 +158,8 @@ def _simulation_reading(simulated: Simulated) -> str:
         lines.append(f"- Against {other}: better in {better} of {len(words)} scenes, worse in {worse}.")
     lines += [
         "",
-        "One filter for each target with the mean over all pairings draws targets that stay close towards each other "
-        "(coalescence, known of every JPDA): ids may be switched there, more often than by a hard assignment.",
+        "The mean over all pairings draws targets that stay close towards each other (coalescence): exact JPDA "
+        "switches ids there more often than a hard assignment. JPDA* keeps the most probable permutation alone.",
     ]
     return "\n".join(lines)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from lumpwatch.models.jdt.motion import ConstantVelocity
-from lumpwatch.models.trackers.jpda import Association, associate
+from lumpwatch.models.trackers.jpda import Association, associate, associate_star
 from lumpwatch.models.trackers.jpda.kalman import Gaussians, innovations, predict, update
 
 Array = NDArray[np.float64]
@@ -143,6 +143,11 @@ def jpda(density: Array, detection: float, clutter: float) -> Association:
     return associate(density, detection, clutter, GATE_PROBABILITY)
 
 
+def jpda_star(density: Array, detection: float, clutter: float) -> Association:
+    """The most probable permutation of each event alone."""
+    return associate_star(density, detection, clutter, GATE_PROBABILITY)
+
+
 def belief_propagation(density: Array, detection: float, clutter: float) -> Association:
     """The fallback of large clusters, everywhere."""
     return associate(density, detection, clutter, GATE_PROBABILITY, exact=0)
@@ -175,6 +180,7 @@ def _certain(n: int, m: int, taken: dict[int, int]) -> Association:
 
 
 METHODS: dict[str, Associate] = {
+    "JPDA*": jpda_star,
     "JPDA, exact": jpda,
     "JPDA, belief propagation": belief_propagation,
     "global nearest neighbour": global_nearest,

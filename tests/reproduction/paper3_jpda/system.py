@@ -25,7 +25,7 @@ from docs.experiments.traffic.scene import (
 from lumpwatch.models.evaluation import overlaps
 from lumpwatch.models.roi import Image
 from lumpwatch.models.trackers.foreground import Foreground, blobs
-from lumpwatch.models.trackers.jpda import JpdaOptions, JpdaTracker, OneWay, associate
+from lumpwatch.models.trackers.jpda import JpdaOptions, JpdaTracker, OneWay
 from lumpwatch.models.trackers.jpda.tracker import Associator
 from lumpwatch.models.trackers.tracked import TrackedObject
 
@@ -105,7 +105,7 @@ def play(
     sequence: Sequence,
     foreground: Foreground,
     options: JpdaOptions,
-    associator: Associator = associate,
+    associator: Associator | None = None,
     watch: Watch | None = None,
     frames: int = FRAMES,
 ) -> Outcome:
