@@ -40,6 +40,9 @@ class StatisticalConfig(Strict):
     """Frames at the start that are taken for background."""
     once_off_share: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.85
     """Share of the foreground above which it turns into background."""
+    darkest_shadow: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Share of the light that a shadow leaves at least, for example 0.4: what is darker by less, in the colour of the
+    ground, is no foreground. 1: shadows are foreground, for a dark object on ground of its own hue looks the same."""
 
 
 ForegroundConfig = Annotated[MixtureConfig | StatisticalConfig, Field(discriminator="kind")]
@@ -150,7 +153,7 @@ class JpdaConfig(TrackerBase):
     clutter: Positive = 0.5
     """False regions expected in a frame."""
     association: Literal["jpda_star", "jpda"] = "jpda_star"
-    """How regions are given to targets: jpda_star keeps close targets apart, jpda is the plain sum over all pairings."""
+    """How regions are given to targets: jpda_star keeps close targets apart, jpda is the sum over all pairings."""
     gate_sigma: Positive = 4.0
     """Radius of the validation gate in standard deviations."""
     measurement_noise_h: Positive = 0.01

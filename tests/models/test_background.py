@@ -7,6 +7,7 @@ from io import BytesIO
 from math import ceil, log
 from typing import Literal
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,7 +20,7 @@ from lumpwatch.models.trackers.background.model import without_small
 Picture = NDArray[np.uint8]
 FIXED = BackgroundOptions(
     least_change=10.0, largest_change=10.0, largest_light=0.0, least_area=1, initial_frames=0,
-    learning_rate=0.1, once_off_share=0.8,
+    learning_rate=0.1, once_off_share=0.8, learn_every=1, darkest_shadow=1.0,
 )  # fmt: skip
 """Limits of change that do not depend on the picture, and no head start."""
 
@@ -267,6 +268,16 @@ def test_small_regions_are_removed() -> None:
     assert kept[2:5, 2:7].all()
     assert kept.sum() == 15 * 255
     assert np.array_equal(without_small(mask, 1), mask)
+
+
+def test_regions_are_those_of_opencv() -> None:
+    rng = np.random.default_rng(2)
+    for share in (0.05, 0.3, 0.45):
+        mask = np.where(rng.random((50, 70)) < share, 255, 0).astype(np.uint8)
+        _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        large = stats[:, cv2.CC_STAT_AREA] >= 15
+        large[0] = False
+        assert np.array_equal(without_small(mask, 15) == 255, large[labels])
 
 
 def test_more_regions_than_short_labels_can_tell() -> None:

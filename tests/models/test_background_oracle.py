@@ -14,7 +14,14 @@ from lumpwatch.models.trackers.background import BackgroundOptions, StatisticalB
 Vector = tuple[int, ...]
 SHAPE = (4, 5)
 REACH = 10.0
-FIXED = {"least_change": REACH, "largest_change": REACH, "largest_light": 0.0, "least_area": 1}
+FIXED = {
+    "least_change": REACH,
+    "largest_change": REACH,
+    "largest_light": 0.0,
+    "least_area": 1,
+    "learn_every": 1,
+    "darkest_shadow": 1.0,
+}
 """Limits of change that do not depend on the picture, and no region too small."""
 
 

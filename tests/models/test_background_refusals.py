@@ -72,6 +72,7 @@ def test_unfit_states_are_refused() -> None:
         ("learning_rate", 0.0), ("initial_rate", 0.6), ("background_rate", 1.5), ("once_off_share", 0.5),
         ("once_off", "turn"), ("rule", "both"), ("noise_floor", -1.0), ("change_sigmas", float("nan")),
         ("least_change", 50.0), ("least_area", 0), ("threads", 0), ("largest_light", -1.0),
+        ("learn_every", 0), ("darkest_shadow", 0.0), ("darkest_shadow", 1.1), ("shadow_noise", -1.0),
     ],
 )  # fmt: skip
 def test_unfit_options_are_refused(name: str, value: object) -> None:

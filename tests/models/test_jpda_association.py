@@ -16,9 +16,7 @@ from lumpwatch.models.trackers.jpda import associate, associate_star
 Array = NDArray[np.float64]
 
 
-def enumerated(
-    likelihood: Array, detection: Array, clutter: float, gate: float, star: bool = False
-) -> Array:
+def enumerated(likelihood: Array, detection: Array, clutter: float, gate: float, star: bool = False) -> Array:
     """Eq. 24 event by event: lambda^false, P_D L for a pair, 1 - P_D P_G for a miss; one permutation for JPDA*."""
     n, m = likelihood.shape
     total = np.zeros((n, m + 1))

@@ -92,9 +92,7 @@ def test_close_targets_are_not_drawn_together() -> None:
         for k in range(120):
             away = 1.5 + max(0.0, 12.0 - 0.4 * k)
             at = np.array([[100.0 - away, 30.0 + k], [100.0 + away, 30.0 + k]]) + rng.normal(0.0, 2.0, (2, 2))
-            objects = {
-                one.id: one.box for one in subject.step(np.hstack([at, np.full((2, 2), 6.0)]), DT)
-            }
+            objects = {one.id: one.box for one in subject.step(np.hstack([at, np.full((2, 2), 6.0)]), DT)}
             if k >= 60:
                 kept.append(abs(objects[2][0] - objects[1][0]))
         gaps[association] = float(np.mean(kept))

@@ -61,7 +61,7 @@ def lmeds(counts):  # type: ignore[no-untyped-def]
 def count_differences(picture, background, previous, watched):  # type: ignore[no-untyped-def]
     """Histograms (2, 3, 511) of picture - background and picture - previous over a grid of watched pixels."""
     h, w = picture.shape[:2]
-    step = max(1, int(np.sqrt(h * w / SAMPLES)))
+    step = max(1, round(np.sqrt(h * w / SAMPLES)))
     counts = np.zeros((2, 3, 511), np.int32)
     for y in range(step // 2, h, step):
         for x in range(step // 2, w, step):

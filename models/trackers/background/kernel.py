@@ -15,6 +15,10 @@ papers is P(v_i | b) = P(v_i, b) / P(b). With it Eq. 4 needs no division, the le
 joint of the foreground, and Eq. 14 reads P(v_i, b) <- P(v_i) - P(v_i, b), P(b) <- 1 - P(b). A new entry
 (Eq. 11) counts for the background only if the pixel ended as background.
 
+What is background learns in every few frames, for all of them at once (`learn_every`): most of the time went into
+learning again what is known. After a change of light all pixels learn in every frame until the background picture
+has followed.
+
 After a once-off change Eq. 14 makes foreground of the old background, and what leaves again uncovers a stranger.
 With `keep` everything that the pixel has shown so far is background: P(v_i, b) <- P(v_i), P(b) <- 1.
 
@@ -61,6 +65,7 @@ def process_parallel(picture, dx, dy, watched, limits, tables, settings, mask): 
 def _row(y, picture, dx, dy, watched, limits, tables, settings, mask):  # type: ignore[no-untyped-def]
     background, previous, static, static_gain, static_prior, dynamic, dynamic_gain, dynamic_prior = tables
     coarse, fine = settings.dynamic_shift, settings.static_shift
+    turn = settings.learn and y % settings.every == settings.phase
     for x in range(picture.shape[1]):
         if watched[y, x] == 0:
             mask[y, x] = 0
@@ -68,13 +73,22 @@ def _row(y, picture, dx, dy, watched, limits, tables, settings, mask):  # type: 
         b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
         moved, differs = False, False
         for c in range(3):
-            now = np.float32(picture[y, x, c])
-            gap = now - background[y, x, c]
+            gap = np.float32(picture[y, x, c]) - background[y, x, c]
             differs |= gap < limits[0, c, 0] or gap > limits[0, c, 1]
-            gap = now - np.float32(previous[y, x, c])
-            moved |= gap < limits[1, c, 0] or gap > limits[1, c, 1]
-        unchanged = not (differs or (moved and settings.paper))
+        if differs or settings.paper:
+            for c in range(3):
+                gap = np.float32(picture[y, x, c]) - np.float32(previous[y, x, c])
+                moved |= gap < limits[1, c, 0] or gap > limits[1, c, 1]
+        unchanged = not (differs or moved)
         known = unchanged or settings.all_background
+        if unchanged and not turn:
+            mask[y, x] = 0
+            if settings.learn:
+                for c in range(3):
+                    background[y, x, c] += settings.background_rate * (
+                        np.float32(picture[y, x, c]) - background[y, x, c]
+                    )
+            continue
         colour = (np.int32(b >> fine), np.int32(g >> fine), np.int32(r >> fine))
         slope = (_slope(dx[y, x], fine), _slope(dy[y, x], fine), np.int32(0))
         if moved and not unchanged:
@@ -84,7 +98,9 @@ def _row(y, picture, dx, dy, watched, limits, tables, settings, mask):  # type: 
             pair = (b >> coarse, g >> coarse, r >> coarse, before[0], before[1], before[2])
             background_now = _dynamic(dynamic, dynamic_gain, dynamic_prior, y, x, pair, known, settings)
         else:
-            background_now = _static(static, static_gain, static_prior, y, x, colour, slope, known, settings)
+            background_now = _static(
+                static, static_gain, static_prior, y, x, colour, slope, known, turn, settings
+            )
         mask[y, x] = 0 if background_now else 255
         if settings.learn and background_now:
             beta = settings.background_rate if unchanged else _ONE
@@ -99,7 +115,7 @@ def _slope(sobel, shift):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def _static(tables, gains, priors, y, x, colour, slope, known, settings):  # type: ignore[no-untyped-def]
+def _static(tables, gains, priors, y, x, colour, slope, known, turn, settings):  # type: ignore[no-untyped-def]
     """Whether pixel (y, x) is background, by colour and gradient or because that is `known`; learn it."""
     if known:
         if not settings.learn:
@@ -109,10 +125,10 @@ def _static(tables, gains, priors, y, x, colour, slope, known, settings):  # typ
         background = True
     else:
         background, c, c_found, e, e_found = _ask_static(tables, gains, priors, y, x, colour, slope, settings)
-        if not settings.learn:
+        if not settings.learn or (background and not turn):
             return background
-    gain = _grow(tables, gains, priors, y, x, settings.growth)
-    weight = settings.rate * gain
+    gain = _grow(tables, gains, priors, y, x, settings.known_growth if background else settings.growth)
+    weight = (settings.known_rate if background else settings.rate) * gain
     if not c_found:
         entry = tables[y, c, x, _COLOUR]
         entry.v0, entry.v1, entry.v2 = colour

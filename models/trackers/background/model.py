@@ -1,6 +1,7 @@
 """The statistical background model of Li et al. as paper 3 uses it: picture in, foreground mask out.
 
-Each frame: limits of change (`change`), every pixel judged and learned (`kernel`), small regions removed.
+Each frame: limits of change (`change`), every pixel judged and learned (`kernel`), shadows (`shadow`) and small
+regions removed.
 """
 
 from __future__ import annotations
@@ -17,11 +18,15 @@ from numpy.typing import NDArray
 from lumpwatch.models.trackers.background.change import change_limits, count_differences
 from lumpwatch.models.trackers.background.kernel import process, process_parallel
 from lumpwatch.models.trackers.background.options import BackgroundOptions
+from lumpwatch.models.trackers.background.regions import keep_large
 from lumpwatch.models.trackers.background.settings import settings_of
+from lumpwatch.models.trackers.background.shadow import is_grey, remove_shadows
 from lumpwatch.models.trackers.background.tables import Tables, blank_tables, from_arrays, to_arrays
 
 Picture = NDArray[np.uint8]
 Mask = NDArray[np.uint8]
+_SETTLED = 2.0
+"""Grey levels between picture and background picture, in the middle, from which the light has changed."""
 _KEPT_BY_STATE = ("static_levels", "static_kept", "dynamic_levels", "dynamic_kept")
 """Options that shape the tables."""
 
@@ -73,10 +78,13 @@ class StatisticalBackground:
         if self._tables is None:
             self._tables = blank_tables(colour, self._options)
         found = self._judge(self._tables, colour, watched, learn)
+        o = self._options
+        if o.darkest_shadow < 1.0 and not is_grey(colour):
+            remove_shadows(found, colour, self._tables.background, o.darkest_shadow, o.shadow_noise)
         np.copyto(self._tables.previous, colour)
         if learn:
             self._tables = replace(self._tables, frames=self._tables.frames + 1)
-        return without_small(found, self._options.least_area)
+        return without_small(found, o.least_area)
 
     def _judge(self, tables: Tables, colour: Picture, watched: Mask, learn: bool) -> Mask:
         o = self._options
@@ -87,7 +95,8 @@ class StatisticalBackground:
         dx, dy = cv2.spatialGradient(cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY))
         found = np.empty(watched.shape, np.uint8)
         arrays = tuple(tables.arrays.values())
-        settings = settings_of(o, tables.frames, learn)
+        settled = bool(np.abs(limits[0].mean(axis=-1)).max() <= _SETTLED)
+        settings = settings_of(o, tables.frames, learn, settled)
         if o.threads == 1:
             process(colour, dx, dy, watched, limits, arrays, settings, found)
             return found
@@ -156,13 +165,7 @@ def without_small(mask: Mask, least_area: int) -> Mask:
     """The mask (h, w) of 0 and 255 without its 8-connected regions of fewer pixels than that."""
     if least_area <= 1:
         return mask
-    # A region takes a block of 2 x 2 pixels for itself; short labels take half the time.
-    blocks = ((mask.shape[0] + 1) // 2) * ((mask.shape[1] + 1) // 2)
-    label = cv2.CV_16U if blocks < 2**16 else cv2.CV_32S
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=label)
-    kept = np.where(stats[:, cv2.CC_STAT_AREA] >= least_area, 255, 0).astype(np.uint8)
-    kept[0] = 0
-    return kept.take(np.asarray(labels, dtype=np.uint16 if label == cv2.CV_16U else np.int32))
+    return keep_large(mask, least_area)
 
 
 def _as_colour(picture: Picture) -> Picture:

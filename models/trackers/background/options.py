@@ -40,6 +40,9 @@ class BackgroundOptions:
     """The same in the first frames [alpha 3]."""
     initial_frames: int = 30
     """Frames at the start in which everything is taken for background."""
+    learn_every: int = 6
+    """A pixel that is background learns in every so many frames, row by row, for all of them at once; 1: in each.
+    After a change of light it is 1 until the background picture has followed."""
     background_rate: float = 0.1
     """Weight of one frame in the background picture (Eq. 17) [beta, alpha 1]."""
     once_off_share: float = 0.8
@@ -58,6 +61,11 @@ class BackgroundOptions:
     largest_light: float = 60.0
     """Grey levels by which most of the picture may change at once and be taken for light; 0 for never.
     Something plain that covers more than half of the picture looks the same."""
+    darkest_shadow: float = 0.4
+    """Share of the light that a shadow leaves at least; 1: shadows are foreground. A dark object of the ground's own
+    hue looks the same. Pictures without colour are not asked."""
+    shadow_noise: float = 5.0
+    """Grey levels by which the colour of a shadow may differ from that of the place, root mean square."""
     least_area: int = 15
     """Pixels of the smallest connected region that is kept; 1 keeps all."""
     threads: int = 1
@@ -83,17 +91,20 @@ class BackgroundOptions:
             raise ValueError(f"background_rate must be above 0 and at most 1, not {self.background_rate:g}")
         if not 0.5 < self.once_off_share < 1.0:
             raise ValueError(f"once_off_share must lie between 0.5 and 1, not {self.once_off_share:g}")
+        if not 0.0 < self.darkest_shadow <= 1.0:
+            raise ValueError(f"darkest_shadow must be above 0 and at most 1, not {self.darkest_shadow:g}")
         if self.once_off not in ("keep", "swap"):
             raise ValueError(f"once_off must be keep or swap, not {self.once_off!r}")
         if self.rule not in ("either", "paper"):
             raise ValueError(f"rule must be either or paper, not {self.rule!r}")
         for name in (
             "static_distance", "noise_floor", "dynamic_distance", "initial_frames", "change_sigmas", "largest_light",
+            "shadow_noise",
         ):  # fmt: skip
             if getattr(self, name) < 0:
                 raise ValueError(f"{name} must not be negative, not {getattr(self, name):g}")
         if not 0.0 <= self.least_change <= self.largest_change:
             raise ValueError("0 <= least_change <= largest_change does not hold")
-        for name in ("least_area", "threads"):
+        for name in ("least_area", "threads", "learn_every"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")

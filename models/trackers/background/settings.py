@@ -23,6 +23,13 @@ class Settings(NamedTuple):
     """1 / (1 - alpha)."""
     rate: np.float32
     """Alpha."""
+    every: int
+    """Rows whose pixels are known learn in every so many frames."""
+    phase: int
+    """The remainder of the rows whose turn it is."""
+    known_growth: np.float32
+    """Growth and rate of so many frames at once."""
+    known_rate: np.float32
     background_rate: np.float32
     """Beta."""
     once_off_share: np.float32
@@ -39,10 +46,11 @@ class Settings(NamedTuple):
     dynamic_distance: int
 
 
-def settings_of(options: BackgroundOptions, frames: int, learn: bool) -> Settings:
-    """The settings for the frame after `frames` others."""
+def settings_of(options: BackgroundOptions, frames: int, learn: bool, settled: bool) -> Settings:
+    """The settings for the frame after `frames` others; `settled`: the light is that of the background picture."""
     starting = learn and frames < options.initial_frames
     rate = options.initial_rate if starting else options.learning_rate
+    every = options.learn_every if settled and not starting else 1
     floor = options.noise_floor * options.static_levels / 256
     return Settings(
         learn=learn,
@@ -51,6 +59,10 @@ def settings_of(options: BackgroundOptions, frames: int, learn: bool) -> Setting
         paper=options.rule == "paper",
         growth=np.float32(1.0 / (1.0 - rate)),
         rate=np.float32(rate),
+        every=every,
+        phase=frames % every,
+        known_growth=np.float32((1.0 - rate) ** -every),
+        known_rate=np.float32(1.0 - (1.0 - rate) ** every),
         background_rate=np.float32(options.background_rate),
         once_off_share=np.float32(options.once_off_share),
         static_shift=9 - options.static_levels.bit_length(),

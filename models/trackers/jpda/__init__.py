@@ -5,4 +5,12 @@ from lumpwatch.models.trackers.jpda.options import ColourOptions, JpdaOptions
 from lumpwatch.models.trackers.jpda.tracker import JpdaTracker
 from lumpwatch.models.trackers.jpda.zones import OneWay
 
-__all__ = ["Association", "ColourOptions", "JpdaOptions", "JpdaTracker", "OneWay", "associate", "associate_star"]
+__all__ = [
+    "Association",
+    "ColourOptions",
+    "JpdaOptions",
+    "JpdaTracker",
+    "OneWay",
+    "associate",
+    "associate_star",
+]

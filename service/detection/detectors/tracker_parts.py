@@ -56,6 +56,7 @@ def make_foreground(config: ImmPfConfig | JpdaConfig, interval_s: float = DEFAUL
             learning_rate=wanted.learning_rate,
             initial_frames=wanted.initial_frames,
             once_off_share=wanted.once_off_share,
+            darkest_shadow=wanted.darkest_shadow,
         )
     )
 

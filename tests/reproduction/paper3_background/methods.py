@@ -46,7 +46,14 @@ def own_methods(threads: int = 1) -> dict[str, Callable[[], Subtractor]]:
     return {
         OURS: lambda: StatisticalBackground(BackgroundOptions(threads=threads)),
         PAPER: lambda: StatisticalBackground(
-            BackgroundOptions(threads=threads, rule="paper", once_off="swap", noise_floor=0.0)
+            BackgroundOptions(
+                threads=threads,
+                rule="paper",
+                once_off="swap",
+                noise_floor=0.0,
+                learn_every=1,
+                darkest_shadow=1.0,
+            )
         ),
         "MOG2": lambda: _Opencv(cv2.createBackgroundSubtractorMOG2()),
         "KNN": lambda: _Opencv(cv2.createBackgroundSubtractorKNN()),

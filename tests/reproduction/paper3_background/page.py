@@ -75,7 +75,7 @@ moved is asked; the others were not tuned, so that this page favours ours.
 An object that stops is foreground for {STILL_FOREGROUND / FPS:g} s and background after
 {ABSORBED_WITHIN / FPS:g} s; between the two it is not judged. What it uncovers when it leaves is background at once.
 
-*{PAPER}*: `rule="paper"`, `once_off="swap"`, `noise_floor=0`.{left_out}"""
+*{PAPER}*: `rule="paper"`, `once_off="swap"`, `noise_floor=0`, `learn_every=1`, `darkest_shadow=1`.{left_out}"""
 
 
 def _mean(pairs: list[tuple[Score, Score]], which: int, figure: str) -> float:
@@ -125,7 +125,7 @@ def _verdicts(scores: Scores) -> str:
     return (
         "\n".join(lines)
         + "\n\n"
-        + ("Ours has no model of shadows: a shadow darker than the tolerance of Eq. 8 is foreground.")
+        + ("Of a shadow ours leaves out what has the colour of the place; MOG2 and KNN do the same.")
     )
 
 
@@ -175,6 +175,8 @@ def _time_table(times: dict[int, dict[str, tuple[float, float]]]) -> str:
         "over frames; CPU time on one thread, wall clock on two, which other work on the machine lengthens. "
         "The methods run one after the other. The paper needed 2 s.\n\n"
         + _table(head, rows)
-        + f"\n\nThe goal of 5 ms on two cores is {verdict}: {ours:.2f} ms. Ours takes {slower[0]:.1f} times as long as "
+        + f"\n\nThe goal of 5 ms on two cores is {verdict}: {ours:.2f} ms; that of 3 ms on one is "
+        f"{'met' if times[1][OURS][0] <= 3.0 else '**missed**'}: {times[1][OURS][0]:.2f} ms of CPU time. "
+        + f"Ours takes {slower[0]:.1f} times as long as "
         + f"MOG2 on one thread and {slower[1]:.1f} times on two. It holds {size:.0f} MiB ({each:.0f} bytes a pixel)."
     )

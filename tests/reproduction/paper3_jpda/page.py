@@ -135,7 +135,7 @@ def _simulation_table(simulated: Simulated) -> str:
 def _simulation_reading(simulated: Simulated) -> str:
     """Paired comparison of the exact association with the others, in words."""
     lines = [
-        "Targets tracked right through, JPDA* (the default) less the other, points, with the 95 % interval of the paired mean:",
+        "Targets tracked right through, JPDA* (the default) less the other, points; 95 % interval of the paired mean:",
         "",
     ]
     ours, *others = METHODS
