@@ -72,6 +72,8 @@ class Trouble(StrEnum):
     """A second publisher sends frames under the name of the camera; they are refused."""
     SECOND_MONITOR = "second_monitor"
     """A second monitor announces under the name of the camera."""
+    PRIOR = "prior"
+    """The prior that is set to be used failed in use; the one before, or the stated defaults, stand in for it."""
     EVENT_LOG = "event_log"
     """The event log is not written, or was replaced by another."""
     FEED_SIGNAL = "feed_signal"

@@ -7,6 +7,7 @@ Live monitoring and replay run this same object. It reads no clock: frames carry
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -56,6 +57,10 @@ class _Region:
     """When it last judged a frame, on the clock of `now_s`."""
     plant: PlantFeed | None = None
     """What the plant has said of the feed."""
+    before: Prior | None = None
+    """The prior before the one in use; None: the stated defaults."""
+    failures_s: deque[float] = field(default_factory=deque)
+    """When the filter has failed lately."""
     told: set[str] = field(default_factory=set)
     """Failures of the filter whose traceback is in the log."""
 
@@ -71,10 +76,12 @@ class CameraPipeline:
         observer: PipelineObserver | None = None,
         alarms: Mapping[tuple[str, AlarmClass], Alarm] | None = None,
         reference: Reference | None = None,
+        older: Mapping[str, Prior] | None = None,
         quality: CameraQuality | None = None,
         make: MakeDetector = make_detector,
     ) -> None:
-        """`alarms` are those to go on with; others begin as NORMAL. `reference`: of the picture's quality.
+        """`alarms` are those to go on with; others begin as NORMAL. `reference`: of the picture's quality. `older`:
+        the priors that stand in for those that fail in use.
 
         `quality` judges the picture in the place of a judge of the pipeline's own; `make` makes the detectors.
         """
@@ -98,7 +105,8 @@ class CameraPipeline:
                 make=make,
             )
             sight = Sight(config.sight, config.blind_after_s)
-            self._regions[roi.id] = _Region(channel, RegionAlarms(channel), sight)
+            before = (older or {}).get(roi.id)
+            self._regions[roi.id] = _Region(channel, RegionAlarms(channel), sight, before=before)
         for (roi_id, alarm_class), alarm in (alarms or {}).items():
             if roi_id in self._regions:
                 self._regions[roi_id].alarms.restore({alarm_class: alarm})
@@ -211,11 +219,15 @@ class CameraPipeline:
     def use_prior(self, roi_id: str, prior: Prior | None) -> None:
         """Filter on with another prior (None: the defaults); what does not fit is refused, the old one stays."""
         region = self._regions[roi_id]
+        before = region.channel.prior
         try:
             region.channel.use(prior)
         except LumpwatchError as error:
             self._refuse(roi_id, error)
             return
+        region.before = before
+        region.failures_s.clear()
+        region.alarms.trouble(Trouble.PRIOR, present=False)
         if region.unfit is not None:
             self._fit()  # it may have been the prior that was missing
 
@@ -312,6 +324,8 @@ class CameraPipeline:
                 region.channel.config.id,
                 exc_info=error,
             )
+        if self._fails_for_good(region):
+            self._give_way(region)
         if region.unfit is None:
             try:
                 region.channel.begin_anew()
@@ -320,6 +334,41 @@ class CameraPipeline:
                 log.exception(
                     "%s/%s: the filter cannot begin anew", self._config.id, region.channel.config.id
                 )
+
+    def _fails_for_good(self, region: _Region) -> bool:
+        """Whether the filter fails again and again with the prior in use."""
+        if region.channel.prior is None or self._taken_s is None:
+            return False
+        region.failures_s.append(self._taken_s)
+        while region.failures_s[0] < self._taken_s - _FAILS_WITHIN_S:
+            region.failures_s.popleft()
+        return len(region.failures_s) >= _MOST_FAILURES
+
+    def _give_way(self, region: _Region) -> None:
+        """The prior in use fails: the one before stands in for it, or the stated defaults, and an alarm says so."""
+        channel, prior, before = region.channel, region.channel.prior, region.before
+        assert prior is not None
+        if before is not None and before.version == prior.version:
+            before = None
+        try:
+            channel.use(before)
+        except Exception:  # it failed as well
+            before = None
+            try:
+                channel.use(None)
+            except Exception as error:
+                region.unfit = str(error) or type(error).__name__
+        log.error(
+            "%s/%s: prior refused: version %d fails in use; %s in its place",
+            self._config.id,
+            channel.config.id,
+            prior.version,
+            "the stated defaults" if before is None else f"version {before.version}",
+        )
+        region.before = None
+        region.failures_s.clear()
+        region.alarms.trouble(Trouble.PRIOR, present=True)
+        self._observer.prior_refused(channel.config.id, "failed")
 
     def _result(
         self, region: _Region, changes: tuple[AlarmChange, ...], now_s: float, *, decided: bool = False
@@ -383,6 +432,8 @@ class CameraPipeline:
 _FUTURE_S = 0.05
 """A frame is received before it is decided on; so much is left to the reading of clocks."""
 _MOST_TOLD = 16
+_MOST_FAILURES, _FAILS_WITHIN_S = 5, 30.0
+"""So many failures of a filter in that time are the prior's."""
 _LUMP_COUNTS = (BlindReason.STARTING, BlindReason.FEW_FRAMES)
 
 

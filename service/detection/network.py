@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
+
 import numpy as np
 
 from lumpwatch.models.likelihood import NetworkLikelihood
@@ -14,10 +18,47 @@ MAX_BYTES = 512 << 20
 _TRIAL = (240, 320)
 
 
-def make_network(config: NetworkConfig) -> NetworkLikelihood:
+_LONGEST_TRIAL_S = 60.0
+_TRIAL_MEMORY = 4 << 30
+_CODE = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+resource.setrlimit(resource.RLIMIT_DATA, (int(sys.argv[4]), int(sys.argv[4])))
+import numpy as np
+from lumpwatch.models.likelihood.network import NetworkError, OnnxScoreMap
+width, height, channels = map(int, sys.argv[1:4])
+try:
+    OnnxScoreMap(sys.stdin.buffer.read(), (width, height), channels)(np.zeros((height, width), np.uint8))
+except NetworkError:
+    pass  # told in words by who asked
+"""
+
+
+def _try_apart(content: bytes, config: NetworkConfig, where: str) -> None:
+    """Let another process look at it. Raises ConfigError."""
+    width, height = config.input_px or (_TRIAL[1], _TRIAL[0])
+    arguments = [str(one) for one in (width, height, config.channels, _TRIAL_MEMORY)]
+    command = [sys.executable, "-c", _CODE, *arguments]
+    try:
+        done = subprocess.run(
+            command, input=content, capture_output=True, timeout=_LONGEST_TRIAL_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise ConfigError(f"{where}: has not looked at one picture in {_LONGEST_TRIAL_S:.0f} s") from None
+    except OSError as error:
+        raise ConfigError(f"{where}: cannot be tried ({error.strerror})") from error
+    if done.returncode < 0:
+        name = signal.Signals(-done.returncode).name
+        raise ConfigError(f"{where}: is damaged: reading it ends the process ({name})")
+    if done.returncode:
+        raise ConfigError(f"{where}: is damaged, or needs more than {_TRIAL_MEMORY >> 30} GiB")
+
+
+def make_network(config: NetworkConfig, *, apart: bool = False) -> NetworkLikelihood:
     """The likelihood, after the network has looked at an empty picture.
 
-    Raises ConfigError naming the file where it cannot be read, is no ONNX network, or gives no map.
+    `apart`: another process looks first, for a damaged network may end the process that reads it. Raises ConfigError
+    naming the file where it cannot be read, is no ONNX network, or gives no map.
     """
     where = f"likelihood kind network: {config.model}"
     try:
@@ -26,6 +67,8 @@ def make_network(config: NetworkConfig) -> NetworkLikelihood:
         content = config.model.read_bytes()
     except OSError as error:
         raise ConfigError(f"{where}: cannot be read ({error.strerror})") from error
+    if apart:
+        _try_apart(content, config, where)
     width, height = config.input_px or (_TRIAL[1], _TRIAL[0])
     blank = View(np.zeros((height, width), np.uint8), None, np.zeros((height + 1, width + 1), np.int32))
     try:

@@ -97,9 +97,15 @@ class Monitor:
             metrics=metrics,
         )
         found, at = self._artifacts.first(), clocks()
+        used = {artifact.roi: artifact.prior for artifact in found if isinstance(artifact, NewPrior)}
         self._pipeline = CameraPipeline(
             self._camera,
-            {artifact.roi: artifact.prior for artifact in found if isinstance(artifact, NewPrior)},
+            used,
+            older={
+                roi: before
+                for roi, prior in used.items()
+                if prior is not None and (before := store.before(camera_id, roi, prior.version)) is not None
+            },
             observer=metrics,
             alarms=events.alarms(at.monotonic_s, at.wall_s, clock),
             reference=next(

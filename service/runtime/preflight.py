@@ -48,7 +48,7 @@ def _check_network(detector: DetectorConfig, where: str) -> None:
         from lumpwatch.service.detection import make_network  # compiled code, which no other ROI needs here
 
         try:
-            make_network(detector.likelihood)
+            make_network(detector.likelihood, apart=True)
         except ConfigError as error:
             raise ConfigError(f"{where}: {error}") from error
 

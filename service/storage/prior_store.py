@@ -109,6 +109,14 @@ class PriorStore:
                 problems.append(str(error))
         return Found(None, tuple(problems))
 
+    def before(self, camera: str, roi: str, version: int) -> Prior | None:
+        """The newest prior before a version that has been in use and can be read."""
+        for older in reversed(self.versions(camera, roi)):
+            if older < version and not self.untried(camera, roi, older):
+                with contextlib.suppress(PriorError):
+                    return self.load(camera, roi, older)
+        return None
+
     def shadow(self, camera: str, roi: str) -> Found:
         """The prior to run in shadow; nothing stands in for one that cannot be read."""
         version = self.shadow_pointer(camera, roi)

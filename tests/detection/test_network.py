@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from lumpwatch.models.likelihood.network import NetworkError, OnnxScoreMap
 from lumpwatch.models.roi import View
 from lumpwatch.models.state import H, W, X, Y, blank
 from lumpwatch.service.cli import main
-from lumpwatch.service.config import load_config
+from lumpwatch.service.config import NetworkConfig, load_config
+from lumpwatch.service.detection import network
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.network import make_network
 from lumpwatch.service.errors import ConfigError
@@ -146,3 +148,33 @@ def test_the_bright_object_is_found(tmp_path: Path) -> None:
     assert found.x + found.w / 2 == pytest.approx(48, abs=4)
     assert found.y + found.h / 2 == pytest.approx(20 + 59 // 3, abs=4)
     assert found.w == pytest.approx(16, rel=0.35)
+
+
+def test_a_network_that_ends_the_process_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What kills the process that reads it kills a child, and is told."""
+    model = tmp_path / "net.onnx"
+    model.write_bytes(brightness_net((320, 240)))
+    config = NetworkConfig(kind="network", model=model)
+    assert isinstance(make_network(config, apart=True), NetworkLikelihood)
+    monkeypatch.setattr(network, "_CODE", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    with pytest.raises(ConfigError, match=r"net\.onnx: is damaged: reading it ends the process \(SIGSEGV\)"):
+        make_network(config, apart=True)
+    monkeypatch.setattr(network, "_CODE", "raise MemoryError")
+    with pytest.raises(ConfigError, match="is damaged, or needs more than"):
+        make_network(config, apart=True)
+
+
+@pytest.mark.slow
+def test_networks_with_a_byte_turned_over_end_no_process_of_ours(tmp_path: Path) -> None:
+    whole = bytearray(brightness_net((320, 240)))
+    rng = np.random.default_rng(4)
+    for k in range(8):
+        torn = bytearray(whole)
+        for at in rng.integers(0, len(torn), 3):
+            torn[at] ^= 1 << int(rng.integers(8))
+        model = tmp_path / f"{k}.onnx"
+        model.write_bytes(torn)
+        with contextlib.suppress(ConfigError):
+            make_network(NetworkConfig(kind="network", model=model), apart=True)

@@ -610,3 +610,60 @@ def test_a_shelved_system_alarm_is_not_announced() -> None:
     target.trouble("apron", Trouble.PROOF_TEST, present=True)
     assert system_changes(target.poll(0.6)[0]) == []
     assert system_changes(target.poll(3.4)[0]) == [("unshelved", "expired"), ("raised", None)]
+
+
+class Broken(JdtDetector):
+    """A filter that fails with priors of some age, as absurd contents make it."""
+
+    def __init__(
+        self, config: DetectorConfig, roi: Roi, learned: Learned | None, ages: list[Learned]
+    ) -> None:
+        super().__init__(config, roi, learned)  # type: ignore[arg-type]
+        self._learned, self._ages = learned, ages
+
+    def use(self, learned: Learned | None) -> None:
+        super().use(learned)
+        self._learned = learned
+
+    def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
+        if any(self._learned is one for one in self._ages):
+            raise FloatingPointError("overflow")
+        return super().step(gray, colour, dt)
+
+
+def test_a_prior_that_fails_in_use_gives_way_to_the_one_before_with_an_alarm() -> None:
+    good, bad = prior(version=3), prior(version=4)
+    assert good.learned is not bad.learned
+    observer = Counting()
+    made = CameraPipeline(
+        camera(),
+        {"apron": bad},
+        older={"apron": good},
+        observer=observer,
+        make=lambda config, roi, learned: Broken(config, roi, learned, [bad.learned]),
+    )
+    results = [result for k in range(60) for result in made.process(frame(k), k / 10)]
+    assert {result.prior for result in results[:4]} == {4}
+    assert results[-1].prior == 3
+    assert results[-1].decision is not Decision.BLIND
+    assert observer.refused == {("apron", "failed"): 1}
+    told = [c for r in results for c in r.changes if c.alarm_class is AlarmClass.SYSTEM]
+    assert (told[0].transition.change, told[0].transition.reason) == (Change.RAISED, Trouble.PRIOR)
+    made.use_prior("apron", prior(version=5))
+    after = [result for k in range(60, 160) for result in made.process(frame(k), k / 10)]
+    assert after[-1].prior == 5
+    assert not after[-1].alarms[AlarmClass.SYSTEM].active
+
+
+def test_where_nothing_can_stand_in_the_region_is_blind() -> None:
+    older, bad = prior(version=3), prior(version=4)
+    both = [older.learned, bad.learned]
+    made = CameraPipeline(
+        camera(),
+        {"apron": bad},
+        older={"apron": older},
+        make=lambda config, roi, learned: Broken(config, roi, learned, both),
+    )
+    results = [result for k in range(60) for result in made.process(frame(k), k / 10)]
+    # With this likelihood there are no defaults: the region says that it cannot judge.
+    assert (results[-1].decision, results[-1].reason) == (Decision.BLIND, BlindReason.UNFIT)
