@@ -31,7 +31,7 @@ from lumpwatch.service.config.proof import ProofTestConfig
 from lumpwatch.service.config.quality import CheckConfig, QualityConfig
 from lumpwatch.service.config.sight import SightConfig
 from lumpwatch.service.config.site import SiteConfig, StoreConfig, TelemetryConfig
-from lumpwatch.service.config.source import PICTURE_SUFFIXES, BackoffConfig, SourceConfig
+from lumpwatch.service.config.source import PICTURE_SUFFIXES, BackoffConfig, Levels, SourceConfig
 from lumpwatch.service.config.trackers import ImmPfConfig, JpdaConfig, MixtureConfig, StatisticalConfig, Zone
 
 __all__ = [
@@ -55,6 +55,7 @@ __all__ = [
     "JdtConfig",
     "JpdaConfig",
     "LatencyConfig",
+    "Levels",
     "LikelihoodConfig",
     "LumpConfig",
     "MixtureConfig",

@@ -13,6 +13,7 @@ from pydantic import Field, SecretStr, field_validator, model_validator
 from lumpwatch.service.config.base import NotNegative, Positive, PositiveSeconds, Strict
 
 SourceKind = Literal["rtsp", "video", "images", "simulated"]
+Levels = Literal["auto", "limited", "full"]
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
@@ -127,6 +128,9 @@ class SourceConfig(Strict):
     """Frame rate of a folder of images (default 10) or of the simulated feed (default 15)."""
     seed: int = Field(default=0, ge=0)
     """Seed of the simulated feed."""
+    levels: Levels = "auto"
+    """Range of the grey levels in videos and streams: `limited` (black is 16, white 235) is put into full range.
+    `auto`: as the stream says; one that says nothing is taken as it is."""
     start_s: NotNegative = 0.0
     """Skip this much of a file."""
 

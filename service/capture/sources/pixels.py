@@ -1,7 +1,7 @@
 """From a decoded picture to the planes that the rest of the program works on.
 
-Luma is passed as it was coded: what a camera sends in limited range (16-235) stays so, full range
-stays so. Only pictures without an 8-bit luma plane are converted: RGB, palettes and deep gray to
+Luma is passed as it was coded; `assemble` puts what says that it is of limited range (16-235) into full range. Only
+pictures without an 8-bit luma plane are converted: RGB, palettes and deep gray to
 full-range luma (BT.601), YUV of more bits to 8 bits of the same range.
 """
 

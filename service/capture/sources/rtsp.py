@@ -27,6 +27,7 @@ from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, sourc
 from lumpwatch.service.capture.sources.pacing import Times
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
 from lumpwatch.service.capture.sources.rtsp_open import RtspOpener
+from lumpwatch.service.capture.sources.shown import usable_aspect
 from lumpwatch.service.config import SourceConfig
 from lumpwatch.service.core import CameraClock, Frame
 
@@ -60,7 +61,7 @@ class RtspSource:
         self._count = count
         self._monotonic = monotonic
         self._wall = wall
-        self._assembler = Assembler(encoding)
+        self._assembler = Assembler(encoding, config.levels)
         self._opener = RtspOpener(config, self._name, monotonic)
         self._clock = CameraClock()
         self._container: InputContainer | None = None
@@ -95,6 +96,7 @@ class RtspSource:
         self._container = self._opener.open(self._config.read_timeout_s / _POLLS)
         self._stream = video_stream(self._container, self._name)
         self._decoder = PacketDecoder(self._stream)
+        self._assembler.aspect = usable_aspect(self._stream.sample_aspect_ratio)
         self._packets = self._container.demux(self._stream)
         self._clock.restart()
         self._pts = None

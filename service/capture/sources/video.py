@@ -24,6 +24,7 @@ from lumpwatch.service.capture.sources.faults import fault_of, frame_rate, sourc
 from lumpwatch.service.capture.sources.files import check_file
 from lumpwatch.service.capture.sources.pacing import Pacer
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
+from lumpwatch.service.capture.sources.shown import usable_aspect
 from lumpwatch.service.config import SourceConfig
 from lumpwatch.service.core import Frame, MediaClock
 
@@ -46,7 +47,7 @@ class VideoSource:
         self._name = f"camera {camera_id}: {config.path}"
         self._count = count
         self._pacer = pacer
-        self._assembler = Assembler(encoding)
+        self._assembler = Assembler(encoding, config.levels)
         self._clock = MediaClock(1 / _DEFAULT_FPS)
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
@@ -120,6 +121,7 @@ class VideoSource:
         assert self._container
         self._stream = video_stream(self._container, self._name)
         self._decoder = PacketDecoder(self._stream)
+        self._assembler.aspect = usable_aspect(self._stream.sample_aspect_ratio)
         self._packets = self._container.demux(self._stream)
         self._cut_off = False
         self._lap_frames = 0
