@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from lumpwatch.service.bus import Bus, Keys
 from lumpwatch.service.config import SiteConfig
+from lumpwatch.service.console.ages import Ages
 from lumpwatch.service.core import AlarmClass, Change
 from lumpwatch.service.protocol import AlarmEvent, Heartbeat, StateMessage
 
@@ -26,6 +27,8 @@ CURVE_S, CURVE_STEP_S = 120.0, 0.2
 _RECORDS = 500
 _FRAMES = 90
 _FRAME = re.compile(rb'"frame": ?(\d{1,15})[,}]')
+_AGE = re.compile(rb'"age_s": ?(\d{1,9}\.?\d{0,25})[,}]')
+_AGED_EVERY_S = 0.5
 _EXISTENCE = re.compile(rb'"existence": ?(\d\.?\d{0,25}(?:[eE]-?\d{1,3})?)[,}]')
 
 
@@ -39,14 +42,22 @@ class _Region:
         self.curve: deque[tuple[float, float]] = deque(maxlen=round(CURVE_S / CURVE_STEP_S))
         self.last: dict[AlarmClass, AlarmEvent] = {}
         self.raised: dict[AlarmClass, AlarmEvent] = {}
+        self.ages = Ages()
+        self.aged_s = -1.0
 
 
 class Board:
     """The latest of everything on the bus of a site."""
 
-    def __init__(self, config: SiteConfig, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        config: SiteConfig,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], float] = time.time,
+    ) -> None:
         self.config = config
         self._clock = clock
+        self._wall = wall
         self._keys = Keys(config.site)
         self._lock = threading.Lock()
         self._regions = {(camera.id, roi.id): _Region() for camera in config.cameras for roi in camera.rois}
@@ -80,6 +91,9 @@ class Board:
             if existence and (not region.curve or now - region.curve[-1][0] >= CURVE_STEP_S):
                 region.curve.append((now, float(existence[1])))
             self.version += 1
+        if now - region.aged_s >= _AGED_EVERY_S and (age := _AGE.search(payload)):
+            region.aged_s = now
+            region.ages.add(float(age[1]), self._wall())
 
     def on_heartbeat(self, key: str, payload: bytes) -> None:
         """A heartbeat has come. A last value that the bus had kept does not count: nobody knows its age."""
@@ -118,6 +132,10 @@ class Board:
     def on_missed(self, count: int) -> None:
         """Some records could not be had."""
         self.missed += count
+
+    def age(self, where: tuple[str, str], hour: int, share: float) -> float | None:
+        """Age that this share of a region's decisions in an hour (since the epoch) did not exceed, seconds."""
+        return self._regions[where].ages.percentile(hour, share)
 
     def snapshot(self) -> dict[str, Any]:
         """Everything that pages show, as plain data."""

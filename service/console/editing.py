@@ -19,18 +19,21 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.util import load_yaml_guess_indent
 
 from lumpwatch.models.plane import fit_plane
-from lumpwatch.service.config import CalibrationConfig, load_config, parse_config, read_text
+from lumpwatch.service.config import CalibrationConfig, JpdaConfig, load_config, parse_config, read_text
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.storage import replace_file
 
 _GRID = 8
-_CHANGED = ("polygon", "points", "points_mm", "lip", "limit_mm")
+_ZONES = ("entries", "exits")
+_CHANGED = ("polygon", "points", "points_mm", "lip", "limit_mm", *_ZONES)
+_MOST_ZONES = 16
 
 
 class EditError(LumpwatchError):
@@ -61,11 +64,21 @@ def region_of(path: Path, camera: str, roi: str) -> dict[str, Any]:
     text = read_text(path)
     found = load_config(path).camera(camera).roi(roi)
     told = None if found.calibration is None else json.loads(found.calibration.model_dump_json())
-    return {"base": fingerprint(text), "polygon": found.polygon, "calibration": told}
+    zones = None
+    if isinstance(found.detector, JpdaConfig):
+        low, extent = _bounds(found.polygon)
+        zones = {
+            name: [
+                (low + np.array(zone) * extent).round(4).tolist() for zone in getattr(found.detector, name)
+            ]
+            for name in _ZONES
+        }
+    return {"base": fingerprint(text), "polygon": found.polygon, "calibration": told, "zones": zones}
 
 
 def propose(path: Path, camera: str, roi: str, given: dict[str, Any], size: tuple[int, int]) -> Proposal:
-    """The file with another region; `given` may have polygon, lip, points with points_mm, limit_mm.
+    """The file with another region; `given` may have polygon, lip, points with points_mm, limit_mm, entries, exits.
+    Zones come in coordinates of the picture; in the file they are relative to the region.
 
     Raises EditError naming what is wrong, ConflictError where the file is not the one of `given["base"]`.
     """
@@ -114,6 +127,12 @@ def _changed(text: str, camera: str, roi: str, given: dict[str, Any]) -> str:
     region = next(one for one in found["rois"] if one["id"] == roi)
     if "polygon" in given:
         _put(region, "polygon", _pairs(given["polygon"], "polygon"))
+    for name in _ZONES:
+        if name in given:
+            if region.get("detector", {}).get("kind") != "jpda":
+                raise EditError(f"{name}: only the detector jpda has zones")
+            low, extent = _bounds(region["polygon"])
+            _put(region["detector"], name, _zones(given[name], name, low, extent))
     inside = {name: given[name] for name in ("points", "points_mm", "lip", "limit_mm") if given.get(name)}
     if inside:
         if region.get("calibration") is None:
@@ -144,6 +163,25 @@ def _pairs(value: Any, name: str) -> CommentedSeq:
         row.fa.set_flow_style()
         rows.append(row)
     return rows
+
+
+def _bounds(polygon: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least corner and extent of the box around a polygon."""
+    corners = np.array([list(point) for point in polygon], float)
+    low = corners.min(axis=0)
+    return low, np.maximum(corners.max(axis=0) - low, 1e-6)
+
+
+def _zones(value: Any, name: str, low: NDArray[np.float64], extent: NDArray[np.float64]) -> CommentedSeq:
+    """Zones relative to the region's box; what reaches beyond it is cut off. Raises EditError."""
+    if not isinstance(value, list) or len(value) > _MOST_ZONES:
+        raise EditError(f"{name}: is not a list of at most {_MOST_ZONES} zones")
+    zones = CommentedSeq()
+    zones.fa.set_flow_style()
+    for zone in value:
+        corners = np.array([[*pair] for pair in _pairs(zone, name)], float).reshape(-1, 2)
+        zones.append(_pairs(np.clip((corners - low) / extent, 0.0, 1.0).tolist(), name))
+    return zones
 
 
 def _fit(calibration: CalibrationConfig, size: tuple[int, int]) -> dict[str, Any]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import asdict
+from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import parse_qs, urlencode
 
@@ -14,6 +17,7 @@ from lumpwatch.service.config import UserRole, load_config
 from lumpwatch.service.console.context import Context
 from lumpwatch.service.console.guard import Guard, problem
 from lumpwatch.service.console.reports import as_csv, by_hour, events, shift
+from lumpwatch.service.console.trends import hours_of, trends
 from lumpwatch.service.console.users import User, UsersError
 from lumpwatch.service.errors import LumpwatchError
 
@@ -23,6 +27,7 @@ NAV = (
     ("/alarms", "Alarms", "alarms"),
     ("/events", "Events", "events"),
     ("/shift", "Shift", "shift"),
+    ("/trends", "Trends", "trends"),
     ("/health", "Health", "health"),
 )
 """Pages in the header: address, text, name."""
@@ -50,6 +55,8 @@ class Views:
             Route("/api/v1/events", self.events_json),
             Route("/api/v1/events.csv", self.events_csv),
             Route("/shift", self.shift),
+            Route("/trends", self.trends),
+            Route("/api/v1/trends", self.trends_json),
             Route("/health", self.health),
             Route("/regions/{camera}/{roi}", self.regions),
             Route("/clips", self.clips),
@@ -170,6 +177,31 @@ class Views:
             request, "shift", figures=figures, error=error, when=when, hours=hours, most=max(1, *hours)
         )
 
+    async def trends(self, request: Request) -> Response:
+        """Lumps, sizes, blind time and age of decisions, hour by hour."""
+        hours, rows, error = request.query_params.get("hours", "24")[:20], [], ""
+        try:
+            rows = await self._trends(hours)
+        except LumpwatchError as problem_found:
+            error = str(problem_found)
+        return self.page(request, "trends", rows=rows, error=error, hours=hours, clock=_clock)
+
+    async def trends_json(self, request: Request) -> Response:
+        """The same for programs."""
+        try:
+            rows = await self._trends(request.query_params.get("hours", "24")[:20])
+        except LumpwatchError as error:
+            return problem(422, str(error))
+        return JSONResponse(
+            {"regions": [{**row, "hours": [asdict(hour) for hour in row["hours"]]} for row in rows]}
+        )
+
+    async def _trends(self, hours: str) -> list[dict[str, Any]]:
+        context = self._context
+        return await anyio.to_thread.run_sync(
+            trends, context.config, hours_of(hours), time.time(), context.board.age
+        )
+
     async def health(self, request: Request) -> Response:
         """Each stage from camera to alarm."""
         return self.page(request, "health")
@@ -266,3 +298,7 @@ class Views:
         if request.scope["session"] is not None:
             self._context.sessions.end(request.scope["session"].token)
         return Response(status_code=204)
+
+
+def _clock(wall_s: float) -> str:
+    return f"{datetime.fromtimestamp(wall_s, UTC):%d. %H:%M}"

@@ -1,4 +1,4 @@
-"""Makes the pictures of docs/console.md: `make pictures`, with Debian's chromium, of the demo."""
+"""Makes the pictures of docs/console.md, of the demo and of a newcomer: `make pictures`, with Debian's chromium."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
+from lumpwatch.service.simulator.spec import FeedSpec
 from tests.bus.test_bus_support import eventually
+from tests.console.test_console_newcomer import watched
 from tests.integration.site import LUMPWATCH
 
 IMAGES = Path(__file__).parents[2] / "docs" / "images"
@@ -20,6 +23,7 @@ PAGES = {
     "alarms": "/alarms",
     "events": "/events",
     "shift": "/shift",
+    "trends": "/trends?hours=8",
     "health": "/health",
     "regions": "/regions/crusher-1/apron",
 }
@@ -30,36 +34,85 @@ def save(page: Page, name: str) -> None:
     page.screenshot(path=IMAGES / f"console_{name}.jpg", type="jpeg", quality=70)
 
 
+def commission(page: Page, folder: Path) -> None:
+    """Clips, labels, training and a backtest, as a newcomer sees them."""
+    feed = FeedSpec(seed=3, fps=10, lump_spacing_s=2.5, lumps_per_minute=20)
+    with watched(folder, feed, 20.0) as (_, url, labels):
+        page.goto(f"{url}/clips", wait_until="commit")
+        page.wait_for_selector("#main[data-ready]")
+        page.set_input_files("#upload [name=file]", labels.parent / "video.mp4")
+        page.click("#upload button.primary")
+        page.wait_for_selector("#clips a.button", timeout=60_000)
+        page.click("#clips a.button")
+        page.wait_for_selector("#stage[data-ready]")
+        page.set_input_files("#take", labels)
+        page.wait_for_selector("#lumps tr[data-kind=tracks]")
+        page.click("#suggest")
+        page.wait_for_selector("#accept:not([disabled])", timeout=300_000)
+        page.wait_for_timeout(1500)
+        save(page, "label")
+        while page.is_enabled("#refuse"):
+            page.keyboard.press("x")
+        page.wait_for_selector("#saved:text-is('saved')")
+        page.goto(f"{url}/clips", wait_until="commit")
+        page.wait_for_selector("#main[data-ready]")
+        save(page, "clips")
+        page.goto(f"{url}/training/cam/apron", wait_until="commit")
+        page.wait_for_selector("#main[data-ready]")
+        page.select_option("[name=folds]", "0")
+        page.click("#train button.primary")
+        page.wait_for_selector("#priors tr[data-state='in shadow']", timeout=600_000)
+        page.click("[data-work=backtest]")
+        page.click("[data-work=replay]")
+        page.wait_for_selector("#trial pre:has-text('version 1')", timeout=120_000)
+        page.wait_for_selector("#jobs progress[value]", timeout=120_000)
+        page.evaluate("scrollTo(0, 0)")
+        save(page, "training")
+        page.locator("#jobs tr[data-state=done]", has_text="backtest").wait_for(timeout=300_000)
+        page.locator("#jobs tr[data-state=done] a", has_text="backtest").click()
+        page.wait_for_selector("#backtest:not([hidden])")
+        save(page, "backtest")
+
+
+def demonstrate(page: Page, folder: Path) -> None:
+    """What operators see, of the demo and of a newcomer's work."""
+    said = folder / "demo.log"
+    with said.open("wb") as out:
+        demo = subprocess.Popen([*LUMPWATCH, "demo"], stdout=out, stderr=out)
+    try:
+        eventually(lambda: re.search(r"console  (http\S+)", said.read_text()), 300.0)
+        url = re.findall(r"console  (http\S+)", said.read_text())[0]
+        page.goto(url, wait_until="commit")
+        page.wait_for_selector(".tile[data-status=LUMP]", timeout=120_000)
+        save(page, "overview")
+        for name, path in PAGES.items():
+            page.goto(url + path, wait_until="commit")
+            page.wait_for_timeout(2500)
+            save(page, name)
+        page.goto(f"{url}/alarms", wait_until="commit")
+        page.click("#records a")
+        page.wait_for_selector("#clip[data-ready]", timeout=60_000)
+        page.wait_for_timeout(4000)
+        save(page, "evidence")
+    finally:
+        demo.send_signal(signal.SIGINT)
+        demo.wait(timeout=60)
+
+
+PARTS = {"demo": demonstrate, "commission": commission}
+
+
 def main() -> None:
-    """Make them all."""
+    """Make them all, or those of the parts that are named."""
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("Debian package chromium is not installed")
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
-        said = Path(folder) / "demo.log"
-        with said.open("wb") as out:
-            demo = subprocess.Popen([*LUMPWATCH, "demo"], stdout=out, stderr=out)
-        try:
-            eventually(lambda: re.search(r"console  (http\S+)", said.read_text()))
-            url = re.findall(r"console  (http\S+)", said.read_text())[0]
-            page = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"]).new_page(
-                viewport={"width": 1280, "height": 800}
-            )
-            page.goto(url, wait_until="commit")
-            page.wait_for_selector(".tile[data-status=LUMP]", timeout=120_000)
-            save(page, "overview")
-            for name, path in PAGES.items():
-                page.goto(url + path, wait_until="commit")
-                page.wait_for_timeout(2500)
-                save(page, name)
-            page.goto(f"{url}/alarms", wait_until="commit")
-            page.click("#records a")
-            page.wait_for_selector("#clip[data-ready]", timeout=60_000)
-            page.wait_for_timeout(4000)
-            save(page, "evidence")
-        finally:
-            demo.send_signal(signal.SIGINT)
-            demo.wait(timeout=60)
+    for part in sys.argv[1:] or PARTS:
+        with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            PARTS[part](page, Path(folder))
+            browser.close()
 
 
 if __name__ == "__main__":

@@ -128,6 +128,15 @@ def test_pages_of_engineers_are_neither_shown_nor_named_to_others(console: Conso
         assert emma.ask("GET", missing)[0] == 404
 
 
+def test_every_page_comes(console: Console) -> None:
+    emma = logged_in(console, "emma")
+    overview = emma.ask("GET", "/")[2]
+    pages = re.findall(r'<a href="(/[^"]*)"', overview)
+    assert len(pages) >= 9
+    for page in pages:
+        assert emma.ask("GET", page)[0] == 200, page
+
+
 def test_an_upload_is_bounded_and_must_be_a_video(console: Console) -> None:
     client = logged_in(console, "emma")
     token = {"X_CSRF_Token": client.csrf}

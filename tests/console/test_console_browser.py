@@ -157,6 +157,7 @@ def test_an_engineer_draws_another_region_and_sees_what_it_changes(page: Page, c
         "alarms",
         "events",
         "shift",
+        "trends",
         "health",
         "regions/cam/apron",
         "evidence/cam/apron/000000000000001-000001",

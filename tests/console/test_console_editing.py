@@ -94,3 +94,36 @@ def test_a_file_that_somebody_else_changed_is_left_alone(file: Path) -> None:
     file.write_text(TEXT + "# more\n")
     with pytest.raises(ConflictError):
         propose(file, "cam", "apron", change(polygon=POLYGON), SIZE)
+
+
+def test_zones_of_a_tracker_stay_where_they_are_when_the_region_moves(file: Path) -> None:
+    text = TEXT.replace(
+        "        alarm:",
+        "        detector: {kind: jpda, exits: [[[0.5, 0.0], [1.0, 0.0], [1.0, 1.0]]]}\n        alarm:",
+    )
+    file.write_text(text)
+    base = {"base": fingerprint(text), "size": list(SIZE)}
+    zones = region_of(file, "cam", "apron")["zones"]
+    assert zones == {"entries": [], "exits": [[[0.5, 0.1], [0.8, 0.1], [0.8, 0.9]]]}
+    assert propose(file, "cam", "apron", {**base, "exits": zones["exits"]}, SIZE).diff == []
+    polygon = [[0.2, 0.1], [1.0, 0.1], [1.0, 0.9], [0.2, 0.9]]
+    given = {
+        **base,
+        "polygon": polygon,
+        "exits": zones["exits"],
+        "entries": [[[0.0, 0.0], [0.4, 0.1], [0.4, 0.9]]],
+    }
+    proposal = propose(file, "cam", "apron", given, SIZE)
+    write(file, proposal, "emma")
+    assert region_of(file, "cam", "apron")["zones"] == {
+        "entries": [[[0.2, 0.1], [0.4, 0.1], [0.4, 0.9]]],  # cut off at the region's box
+        "exits": zones["exits"],
+    }
+    for wrong in ([[[0.1, 0.1]]], "all", [[[0.1, 0.1], [0.2, 0.2], ["x", 1]]], [[[0, 0]] * 3] * 17):
+        with pytest.raises(EditError, match="exits"):
+            propose(file, "cam", "apron", {"base": fingerprint(file.read_text()), "exits": wrong}, SIZE)
+
+
+def test_a_detector_without_zones_gets_none(file: Path) -> None:
+    with pytest.raises(EditError, match="jpda"):
+        propose(file, "cam", "apron", change(exits=[[[0.1, 0.1], [0.2, 0.1], [0.2, 0.2]]]), SIZE)

@@ -106,8 +106,7 @@ def test_boxes_by_mouse_and_keyboard_are_interpolated_and_exported(
     drag(page, (20, 30), (60, 70))
     page.wait_for_selector("#lumps tr[data-id='1']")
     page.keyboard.press("PageDown")
-    # The lump has no box here yet: what is drawn is its box.
-    drag(page, (60, 40), (100, 80))
+    drag(page, (40, 50), (80, 60))  # where the lump was last, a dim box waits to be dragged
     (track,) = saved(page, library, clip)
     assert [key.frame for key in track.keys] == [1, 11]
     assert track.keys[0].place == pytest.approx((20, 30, 40, 40), abs=1.5)
@@ -126,6 +125,10 @@ def test_boxes_by_mouse_and_keyboard_are_interpolated_and_exported(
     assert [key.frame for key in saved(page, library, clip)[0].keys] == [1, 11]
     page.keyboard.press("z")
     assert len(saved(page, library, clip)[0].keys) == 3
+    # What is drawn elsewhere is another lump.
+    drag(page, (120, 90), (150, 110))
+    assert [len(track.keys) for track in saved(page, library, clip)] == [3, 1]
+    page.keyboard.press("Shift+Delete")
     # A second lump by the keyboard alone, and its numbers typed in.
     page.keyboard.press("b")
     page.fill("#box [name=w]", "33")
@@ -237,7 +240,7 @@ def test_axe_finds_no_violation(page: Page, console: Console, clip: str, size: t
     jobs: list[dict[str, Any]] = json.loads(Client(console.url).ask("GET", "/api/v1/jobs")[2])["jobs"]
     paths = ["clips", f"clips/{clip}", "training/cam/apron", *(f"jobs/{job['id']}" for job in jobs[-1:])]
     if size[0] < size[1]:
-        paths += ["", "cameras/cam", "alarms", "events", "shift", "health", "regions/cam/apron"]
+        paths += ["", "cameras/cam", "alarms", "events", "shift", "trends", "health", "regions/cam/apron"]
     for path in paths:
         page.goto(f"{console.url}/{path}", wait_until="commit")
         page.wait_for_selector("#link:text-is('connected')")

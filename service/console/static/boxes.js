@@ -15,6 +15,18 @@ export function boxAt(track, frame) {
   return Object.fromEntries([["frame", frame], ...SIDES.map((side) => [side, a[side] + share * (b[side] - a[side])])]);
 }
 
+// Where a lump is likely to be beyond its first or last key frame: as it moved between the two next to it.
+export function ghost(track, frame, [width, height]) {
+  const late = frame > span(track)[1];
+  const [a, b] = late ? track.keys.slice(-2) : track.keys.slice(0, 2).reverse();
+  const near = b ?? a;
+  const far = b ? a : null;
+  const share = far ? (frame - near.frame) / (near.frame - far.frame) : 0;
+  const on = (side) => (far ? near[side] + share * (near[side] - far[side]) : near[side]);
+  const inside = (value, most) => Math.min(Math.max(0, value), Math.max(0, most));
+  return { x: inside(on("x"), width - near.w), y: inside(on("y"), height - near.h), w: near.w, h: near.h };
+}
+
 export const isKey = (track, frame) => track.keys.some((key) => key.frame === frame);
 
 // The track with this box as a key frame; the box is kept inside of the picture.

@@ -1,5 +1,5 @@
 // Boxes of lumps on the frames of a clip, by mouse and keyboard; every change is saved by itself.
-import { boxAt, isKey, neighbour, newId, span, withKey, withoutKey } from "./boxes.js";
+import { boxAt, ghost, isKey, neighbour, newId, span, withKey, withoutKey } from "./boxes.js";
 import { selection } from "./common.js";
 import { call, make, say } from "./dom.js";
 import { Frames } from "./frames.js";
@@ -29,7 +29,11 @@ const saver = new Saver(`${address}/labels`, byId("saved"), byId("wrong"));
 
 const found = () => (chosen ? labels[chosen.kind].find((track) => track.id === chosen.id) ?? null : null);
 const all = () => [...labels.tracks.map((track) => ["tracks", track]), ...labels.proposals.map((track) => ["proposals", track])];
-const here = () => { const track = found(); return track ? boxAt(track, frame) : null; };
+// The box of what is chosen in this frame; of a lump that has none here the place where it is likely to be.
+const here = () => {
+  const track = found();
+  return track ? boxAt(track, frame) ?? (chosen.kind === "tracks" ? ghost(track, frame, size) : null) : null;
+};
 
 function change(next, keep = true) {
   if (keep) past.push(labels);
@@ -97,9 +101,11 @@ function draw() {
   canvas.dataset.frame = picture ? String(frame) : "";
   context.font = `bold ${Math.round(15 * scale)}px sans-serif`;
   for (const [kind, track] of all()) {
-    const box = drag?.box && chosen?.kind === kind && chosen.id === track.id ? drag.box : boxAt(track, frame);
-    if (!box) continue;
     const mine = chosen?.kind === kind && chosen.id === track.id;
+    const there = boxAt(track, frame);
+    const box = mine ? (!drag?.fresh && drag?.box) || here() : there;
+    if (!box) continue;
+    context.globalAlpha = there || drag ? 1 : 0.6;
     context.strokeStyle = kind === "proposals" ? "#ffd24d" : mine ? "#ffffff" : "#7fd0ff";
     context.lineWidth = (mine ? 3 : 2) * scale;
     context.setLineDash(kind === "proposals" ? [8 * scale, 5 * scale] : isKey(track, frame) ? [] : [2 * scale, 3 * scale]);
@@ -108,6 +114,7 @@ function draw() {
     context.fillStyle = context.strokeStyle;
     context.fillText(kind === "proposals" ? `${track.id}?` : String(track.id), box.x + 3 * scale, box.y - 5 * scale);
     if (mine) for (const [x, y] of corners(box)) context.fillRect(x - GRIP / 4, y - GRIP / 4, GRIP / 2, GRIP / 2);
+    context.globalAlpha = 1;
   }
   if (drag?.fresh && drag.box) {
     context.strokeStyle = "#ffffff";
@@ -178,7 +185,7 @@ canvas.addEventListener("pointerdown", (event) => {
     const hit = box && within(box, spot) ? [chosen.kind, found()] : all().find(([, track]) => { const one = boxAt(track, frame); return one && within(one, spot); });
     if (hit) {
       chosen = { kind: hit[0], id: hit[1].id };
-      const start = boxAt(hit[1], frame);
+      const start = here();
       drag = { corner: -1, box: start, spot, from: start };
     } else drag = { fresh: true, spot, box: null };
   }
@@ -202,11 +209,7 @@ canvas.addEventListener("pointerup", () => {
   const done = drag;
   drag = null;
   if (!done?.moved || !done.box || done.box.w < 3 || done.box.h < 3) return show();
-  if (!done.fresh) return place(done.box);
-  // Where the chosen lump has no box yet, this is its box; else it is another lump.
-  const track = chosen?.kind === "tracks" ? found() : null;
-  if (track && !boxAt(track, frame)) return place(done.box);
-  return add(done.box);
+  return done.fresh ? add(done.box) : place(done.box);
 });
 canvas.addEventListener("pointercancel", () => { drag = null; show(); });
 
@@ -234,6 +237,7 @@ Object.assign(selection.keys, {
   " ": (event) => (event.target.closest("button, a, input") ? false : play()),
   b: () => add({ x: size[0] * 0.45, y: size[1] * 0.45, w: size[0] * 0.1, h: size[1] * 0.1 }),
   k: () => { const box = here(); if (box) place(box); },
+  Escape: () => { chosen = null; show(); },
   y: () => judge(true), x: () => judge(false), z: undo,
   ",": () => step(-1), ".": () => step(1), "[": () => jump(-1), "]": () => jump(1),
   PageUp: () => look(frame - 10), PageDown: () => look(frame + 10), Home: () => look(1), End: () => look(count),

@@ -11,19 +11,25 @@ const HOW = {
   polygon: "Drag a corner; click on an edge for a new one; Delete removes it.",
   lip: "Drag the two ends of the line over which lumps fall; the first two clicks set them.",
   points: "Click on points of the belt whose places you know, four at least, and enter their millimetres.",
+  entries: "Where targets start: click for a new zone, drag its corners, click on an edge for a new one; Delete removes a corner, and a zone with its third.",
+  exits: "Where a target ends when it is missed once: click for a new zone, drag its corners; Delete removes a corner, and a zone with its third.",
 };
+const ZONES = ["entries", "exits"];
+const ZONE = 0.06;
 let still = null;
 let base = "";
 let mode = "polygon";
-let shape = { polygon: [], lip: [], points: [], points_mm: [] };
+let shape = { polygon: [], lip: [], points: [], points_mm: [], entries: [], exits: [] };
 let first = "";
-let chosen = null;
+let chosen = null; // [which of the mode's lists, which point]
 let dragging = false;
 let grid = [];
 let waits = 0;
 
 const size = () => [canvas.width, canvas.height];
-const list = () => shape[mode];
+// The lists of points of a mode: one, but for zones.
+const lists = (name = mode) => (ZONES.includes(name) ? shape[name] : [shape[name]]);
+const closed = (name = mode) => name === "polygon" || ZONES.includes(name);
 
 function line(points, closed, colour, width, dash = []) {
   context.strokeStyle = colour;
@@ -42,9 +48,11 @@ function draw() {
   for (const ends of grid) line(ends, false, "#7fd0ff", scale);
   line(shape.polygon, true, "#ffffff", 2.5 * scale);
   line(shape.lip, false, "#ffd24d", 3 * scale, [10 * scale, 6 * scale]);
-  for (const [name, colour] of [["polygon", "#ffffff"], ["lip", "#ffd24d"], ["points", "#7fd0ff"]]) {
-    shape[name].forEach(([x, y], i) => {
-      const on = name === mode && i === chosen;
+  for (const zone of shape.entries) line(zone, true, "#8fe39a", 2 * scale, [4 * scale, 4 * scale]);
+  for (const zone of shape.exits) line(zone, true, "#ff9d6b", 2 * scale, [4 * scale, 4 * scale]);
+  for (const [name, colour] of [["polygon", "#ffffff"], ["lip", "#ffd24d"], ["points", "#7fd0ff"], ["entries", "#8fe39a"], ["exits", "#ff9d6b"]]) {
+    lists(name).forEach((points, which) => points.forEach(([x, y], i) => {
+      const on = name === mode && chosen?.[0] === which && chosen[1] === i;
       context.beginPath();
       context.arc(x * canvas.width, y * canvas.height, (name === mode ? 7 : 4) * scale, 0, 7);
       context.fillStyle = on ? "#ff4d5e" : colour;
@@ -56,7 +64,7 @@ function draw() {
         context.font = `bold ${14 * scale}px sans-serif`;
         context.fillText(String(i + 1), x * canvas.width + 10 * scale, y * canvas.height - 8 * scale);
       }
-    });
+    }));
   }
 }
 
@@ -74,6 +82,10 @@ function table() {
 function change() {
   const given = { base, size: size(), polygon: shape.polygon };
   if (shape.lip.length === 2 && shape.points.length >= 4) Object.assign(given, { lip: shape.lip, points: shape.points, points_mm: shape.points_mm });
+  // Zones are relative to the region: when it moves, they are written anew so that they stay where they are.
+  const before = JSON.parse(first);
+  const moved = JSON.stringify(before.polygon) !== JSON.stringify(shape.polygon);
+  for (const name of ZONES) if ((moved && shape[name].length) || JSON.stringify(before[name]) !== JSON.stringify(shape[name])) given[name] = shape[name];
   return given;
 }
 
@@ -116,53 +128,71 @@ function at(event) {
   return [clip((event.clientX - box.left) / box.width), clip((event.clientY - box.top) / box.height)];
 }
 
+const every = () => lists().flatMap((points, which) => points.map((place, i) => [which, i, place]));
+
 function near([x, y]) {
   const [w, h] = size();
   const far = 14 * Math.max(1, w / 960);
-  const index = list().findIndex(([a, b]) => Math.hypot((a - x) * w, (b - y) * h) < far);
-  return index < 0 ? null : index;
+  const found = every().find(([, , [a, b]]) => Math.hypot((a - x) * w, (b - y) * h) < far);
+  return found ? found.slice(0, 2) : null;
 }
 
 function edge([x, y]) {
   const [w, h] = size();
-  let best = [Infinity, 0];
-  shape.polygon.forEach(([ax, ay], i) => {
-    const [bx, by] = shape.polygon[(i + 1) % shape.polygon.length];
+  let best = [Infinity, 0, 0];
+  lists().forEach((points, which) => points.forEach(([ax, ay], i) => {
+    const [bx, by] = points[(i + 1) % points.length];
     const [dx, dy] = [(bx - ax) * w, (by - ay) * h];
     const t = Math.min(1, Math.max(0, ((x - ax) * w * dx + (y - ay) * h * dy) / (dx * dx + dy * dy || 1)));
     const away = Math.hypot((x - ax) * w - t * dx, (y - ay) * h - t * dy);
-    if (away < best[0]) best = [away, i];
-  });
+    if (away < best[0]) best = [away, which, i];
+  }));
   return best;
+}
+
+function begun([x, y]) {
+  const clip = (value) => Math.round(10000 * Math.min(1, Math.max(0, value))) / 10000;
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => [clip(x + a * ZONE), clip(y + b * ZONE)]);
+  return [shape[mode].push(corners) - 1, 2];
 }
 
 canvas.addEventListener("pointerdown", (event) => {
   const place = at(event);
   chosen = near(place);
   if (chosen === null) {
-    if (mode === "polygon") {
-      const [away, i] = edge(place);
-      if (away < 12 * Math.max(1, canvas.width / 960)) { shape.polygon.splice(i + 1, 0, place); chosen = i + 1; }
-    } else if (mode === "lip" && shape.lip.length < 2) chosen = shape.lip.push(place) - 1;
-    else if (mode === "points" && shape.points.length < 64) { chosen = shape.points.push(place) - 1; shape.points_mm.push([0, 0]); table(); }
+    const [away, which, i] = closed() ? edge(place) : [Infinity, 0, 0];
+    if (away < 12 * Math.max(1, canvas.width / 960)) {
+      lists()[which].splice(i + 1, 0, place);
+      chosen = [which, i + 1];
+    } else if (mode === "lip" && shape.lip.length < 2) chosen = [0, shape.lip.push(place) - 1];
+    else if (mode === "points" && shape.points.length < 64) { chosen = [0, shape.points.push(place) - 1]; shape.points_mm.push([0, 0]); table(); }
+    else if (ZONES.includes(mode) && shape[mode].length < 16) chosen = begun(place);
   }
   dragging = chosen !== null;
   if (dragging) canvas.setPointerCapture(event.pointerId);
   changed();
 });
-canvas.addEventListener("pointermove", (event) => { if (dragging) { list()[chosen] = at(event); changed(); } });
+canvas.addEventListener("pointermove", (event) => { if (dragging) { lists()[chosen[0]][chosen[1]] = at(event); changed(); } });
 canvas.addEventListener("pointerup", () => { dragging = false; });
 canvas.addEventListener("keydown", (event) => {
   const steps = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
-  if (event.altKey && event.key === "n") chosen = list().length ? ((chosen ?? -1) + 1) % list().length : null;
-  else if (event.key === "Delete" && chosen !== null && (mode !== "polygon" || list().length > 3)) {
-    list().splice(chosen, 1);
-    if (mode === "points") shape.points_mm.splice(chosen, 1);
+  if (event.altKey && event.key === "n") {
+    const all = every();
+    const now = all.findIndex(([which, i]) => chosen?.[0] === which && chosen[1] === i);
+    chosen = all.length ? all[(now + 1) % all.length].slice(0, 2) : null;
+  } else if (event.key === "Insert" && ZONES.includes(mode) && shape[mode].length < 16) chosen = begun([0.5, 0.5]);
+  else if (event.key === "Delete" && chosen !== null && (mode !== "polygon" || shape.polygon.length > 3)) {
+    const [which, i] = chosen;
+    const points = lists()[which];
+    points.splice(i, 1);
+    if (mode === "points") shape.points_mm.splice(i, 1);
+    if (ZONES.includes(mode) && points.length < 3) shape[mode].splice(which, 1);
     chosen = null;
     table();
   } else if (steps[event.key] && chosen !== null) {
     const by = event.shiftKey ? 10 : 1;
-    list()[chosen] = list()[chosen].map((value, axis) => Math.round(10000 * Math.min(1, Math.max(0, value + (by * steps[event.key][axis]) / size()[axis]))) / 10000);
+    const points = lists()[chosen[0]];
+    points[chosen[1]] = points[chosen[1]].map((value, axis) => Math.round(10000 * Math.min(1, Math.max(0, value + (by * steps[event.key][axis]) / size()[axis]))) / 10000);
   } else return;
   event.preventDefault();
   event.stopPropagation();
@@ -190,7 +220,8 @@ async function picture() {
 async function load() {
   const told = await call(address);
   base = told.base;
-  shape = { polygon: told.polygon, lip: told.calibration?.lip ?? [], points: told.calibration?.points ?? [], points_mm: told.calibration?.points_mm ?? [] };
+  shape = { polygon: told.polygon, lip: told.calibration?.lip ?? [], points: told.calibration?.points ?? [], points_mm: told.calibration?.points_mm ?? [], entries: told.zones?.entries ?? [], exits: told.zones?.exits ?? [] };
+  for (const name of ZONES) document.querySelector(`[data-mode=${name}]`).hidden = !told.zones;
   first = JSON.stringify(shape);
   grid = [];
   choose(mode);
