@@ -219,6 +219,40 @@ def side_of(plane: BeltPlane, points: Array, diameter_mm: float) -> Array:
     return 2.0 * sine * plane.cameras.focal[0] / cosine**1.5
 
 
+def towards_lip(plane: BeltPlane, points: Array) -> tuple[Array, Array]:
+    """Distance of the belt behind picture points (n, 2) to the lip (n,), mm, negative beyond it, and its slope.
+
+    The slope (n, 2) is how much nearer to the lip a step of one px along x and along y leads, mm/px. NaN where no belt
+    is seen.
+    """
+    chosen = np.zeros(len(points), np.intp)
+    direction, _ = _rays(plane, points, chosen)
+    normal = plane.lip[1][0]
+
+    def left(at: Array) -> Array:
+        return np.asarray((plane.lip[0][0] - _meet(plane, at, chosen, 0.0)[:, :2]) @ normal, float)
+
+    here, half = left(points), 0.5
+    slope = np.column_stack(
+        [(left(points - step) - left(points + step)) for step in ((half, 0.0), (0.0, half))]
+    )
+    seen = direction[:, 2] < -1e-6
+    return np.where(seen, here, np.nan), np.where(seen[:, None], slope, np.nan)
+
+
+def ground_of(plane: BeltPlane, points: Array) -> Array:
+    """How much of the belt one px shows at picture points (n, 2), mm2 (n,); 0 beyond the lip, and where none is seen."""
+    chosen = np.zeros(len(points), np.intp)
+    places = [
+        _meet(plane, points + step, chosen, 0.0)[:, :2]
+        for step in ((-0.5, 0.0), (0.5, 0.0), (0.0, -0.5), (0.0, 0.5))
+    ]
+    across, along = places[1] - places[0], places[3] - places[2]
+    area = np.abs(across[:, 0] * along[:, 1] - across[:, 1] * along[:, 0])
+    left, _ = towards_lip(plane, points)
+    return np.where(np.nan_to_num(left, nan=-1.0) > 0.0, area, 0.0)
+
+
 def _measured(values: Array) -> Measure:
     return Measure(float(values[0]), float(np.sqrt(np.square(values[1:] - values[0]).sum())))
 

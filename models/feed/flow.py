@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from lumpwatch.models.roi import Image
 
@@ -26,11 +27,11 @@ TILE = 32
 """Side of a tile, reduced pixels."""
 LARGEST = 160
 """The longer side of the reduced picture is at most this, working pixels by a whole number."""
-MOST_TILES = 15
+MOST_TILES = 12
 _COVERED = 0.6
 """Share of a tile that must lie inside the polygon."""
-_NEAR = 2
-"""Displacements up to this, reduced pixels, are those of the peak at zero."""
+_NEAR = 3
+"""Displacements up to this, reduced pixels, cannot be told from the flank of a peak at zero."""
 _SHIFT = TILE // 2 - 2
 """Larger displacements than this leave too little of a tile in both pictures."""
 _LOW, _HIGH = 0.04, 0.22
@@ -41,14 +42,16 @@ _LOW, _HIGH = 0.04, 0.22
 class Displacement:
     """How far each of n tiles has moved, reduced pixels."""
 
-    moved: Array
-    """Along x and y, of the highest peak away from zero (n, 2)."""
-    moved_peak: Array
+    shift: Array
+    """Along x and y, of the highest peak (n, 2)."""
+    peak: Array
     """Height of that peak (n,); 1 for a picture that has moved as a whole."""
-    still: Array
-    """Along x and y, of the peak around zero, a fraction of a pixel (n, 2)."""
-    still_peak: Array
+    away: Array
+    """Along x and y, of the highest peak that is not near zero (n, 2)."""
+    away_peak: Array
     """Its height (n,)."""
+    around_zero: Array
+    """Each tile's surface around zero (n, 3, 3): what stands in all tiles adds up, noise does not."""
 
 
 class TileFlow:
@@ -90,19 +93,20 @@ class TileFlow:
         """Of each tile of a reduced picture, brought to magnitude 1 (n, TILE, TILE / 2 + 1)."""
         tiles = np.stack([reduced[y : y + TILE, x : x + TILE] for y, x in self._corners]).astype(np.float32)
         tiles -= tiles.mean(axis=(1, 2), keepdims=True)
-        spectra = np.fft.rfft2(tiles * self._window)
-        return np.asarray(spectra / np.maximum(np.abs(spectra), 1e-3), np.complex64)
+        spectra = fft.rfft2(tiles * self._window)
+        spectra /= np.maximum(np.abs(spectra), np.float32(1e-3))
+        return np.asarray(spectra, np.complex64)
 
     def between(self, earlier: Spectra, later: Spectra) -> Displacement:
         """From one picture to another one."""
-        surface = np.fft.irfft2(later * earlier.conj() * self._band, s=(TILE, TILE)).astype(np.float32)
-        surface = np.fft.fftshift(surface, axes=(1, 2))
+        surface = fft.irfft2(later * earlier.conj() * self._band, s=(TILE, TILE))
+        surface = np.fft.fftshift(surface, axes=(1, 2)).astype(np.float32, copy=False)
         middle = TILE // 2
-        still, still_peak = _peak(surface, middle - _NEAR, middle + _NEAR)
-        away = surface.copy()
-        away[:, middle - _NEAR : middle + _NEAR + 1, middle - _NEAR : middle + _NEAR + 1] = -1.0
-        moved, moved_peak = _peak(away, middle - _SHIFT, middle + _SHIFT)
-        return Displacement(moved, moved_peak, still, still_peak)
+        shift, peak = _peak(surface)
+        around = surface[:, middle - 1 : middle + 2, middle - 1 : middle + 2].copy()
+        surface[:, middle - _NEAR : middle + _NEAR + 1, middle - _NEAR : middle + _NEAR + 1] = -1.0
+        away, away_peak = _peak(surface)
+        return Displacement(shift, peak, away, away_peak, around)
 
 
 def _tiles(mask: Array) -> NDArray[np.intp]:
@@ -128,17 +132,18 @@ def _along(length: int, step: int) -> NDArray[np.intp]:
     return np.linspace(0, length - TILE, count).round().astype(np.intp)
 
 
-def _peak(surface: Array, low: int, high: int) -> tuple[Array, Array]:
-    """Where (n, 2) from the middle, and how high (n,), the highest point of each surface is between two lags."""
-    part = surface[:, low : high + 1, low : high + 1]
+def _peak(surface: Array) -> tuple[Array, Array]:
+    """Where (n, 2) from the middle, and how high (n,), the highest point of each surface is."""
+    middle = TILE // 2
+    low = middle - _SHIFT
+    part = surface[:, low : TILE - low + 1, low : TILE - low + 1]
     n, side = len(part), part.shape[1]
     place = part.reshape(n, -1).argmax(axis=1)
     every = np.arange(n)
     y, x = low + place // side, low + place % side
     height = surface[every, y, x]
-    dx = _vertex(surface[every, y, x - 1], height, surface[every, y, (x + 1) % TILE])
-    dy = _vertex(surface[every, y - 1, x], height, surface[every, (y + 1) % TILE, x])
-    middle = TILE // 2
+    dx = _vertex(surface[every, y, x - 1], height, surface[every, y, x + 1])
+    dy = _vertex(surface[every, y - 1, x], height, surface[every, y + 1, x])
     return np.stack([x - middle + dx, y - middle + dy], axis=1).astype(np.float32), height
 
 

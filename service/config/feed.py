@@ -20,13 +20,13 @@ class FeedConfig(Strict):
     """On a calibrated belt: slower than this it stands. Left out: a tenth of the calibration's `speed_m_s`, or 30."""
     stopped_below: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
     """Without a calibration: slower than this share of the region's longer side a second it stands."""
-    bare_below: Annotated[float, Field(gt=0.0, le=1.0)] = 0.05
+    bare_below: Annotated[float, Field(gt=0.0, le=1.0)] = 0.03
     """Where the pictures have less contrast than this, as a share of their brightness, the belt is bare."""
     empty_below: Unit = 0.10
     """With less than this share of the belt covered it is empty."""
     filled_above: Unit = 0.15
     """With more than this it is no longer."""
-    delay_s: Delay = 0.3
+    delay_s: Delay = 0.2
     """How long another state must be seen without a break."""
     unknown_after_s: PositiveSeconds = 3.0
     """After so long without anything that tells the state it is unknown."""

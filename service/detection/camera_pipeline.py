@@ -33,6 +33,7 @@ from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.make import make_detector
 from lumpwatch.service.detection.observer import PipelineObserver, Unobserved
 from lumpwatch.service.detection.picture_quality import CameraQuality
+from lumpwatch.service.detection.plant_signal import PlantSignal
 from lumpwatch.service.detection.region_alarms import RegionAlarms
 from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
 from lumpwatch.service.detection.sight import Sight
@@ -51,12 +52,11 @@ class _Region:
     channel: RegionChannel
     alarms: RegionAlarms
     sight: Sight
+    plant: PlantSignal
     unfit: str | None = None
     """Why it does not fit the picture."""
     last_s: float | None = None
     """When it last judged a frame, on the clock of `now_s`."""
-    plant: PlantFeed | None = None
-    """What the plant has said of the feed."""
     before: Prior | None = None
     """The prior before the one in use; None: the stated defaults."""
     failures_s: deque[float] = field(default_factory=deque)
@@ -103,10 +103,13 @@ class CameraPipeline:
                 listener=self._observer,
                 refused=partial(self._refuse, roi.id),
                 make=make,
+                feed=roi.feed.enabled,
             )
             sight = Sight(config.sight, config.blind_after_s)
             before = (older or {}).get(roi.id)
-            self._regions[roi.id] = _Region(channel, RegionAlarms(channel), sight, before=before)
+            self._regions[roi.id] = _Region(
+                channel, RegionAlarms(channel), sight, PlantSignal(roi.feed), before=before
+            )
         for (roi_id, alarm_class), alarm in (alarms or {}).items():
             if roi_id in self._regions:
                 self._regions[roi_id].alarms.restore({alarm_class: alarm})
@@ -192,7 +195,7 @@ class CameraPipeline:
 
     def plant(self, roi_id: str, said: PlantFeed | None) -> None:
         """What the plant says of a ROI's feed from now on; None: nothing. Raises KeyError for an unknown ROI."""
-        self._regions[roi_id].plant = said
+        self._regions[roi_id].plant.take(said)
 
     def snapshots(self) -> dict[str, Snapshot]:
         """Of every ROI, before the next frame."""
@@ -377,6 +380,8 @@ class CameraPipeline:
         quality = self.quality.current(channel.config.id)
         reason = self._blind(region, now_s) or quality.reason
         short = None if reason is not None else region.sight.reason(now_s)
+        seen = reason is None and short is None
+        feed = self._feed(region, now_s, seen=seen)
         changes += region.alarms.tick(_reason_text(reason or short, region), now_s)
         # What was found in a fit picture counts however few were looked at; that nothing was found does not.
         if not (channel.alarm.active and region.last_s is not None and short in _LUMP_COUNTS):
@@ -395,15 +400,16 @@ class CameraPipeline:
             changes=changes,
             taken_s=self._taken_s,
             quality=quality,
-            feed=self._feed(region, now_s),
+            feed=feed,
         )
 
-    def _feed(self, region: _Region, now_s: float) -> FeedStatus | None:
+    def _feed(self, region: _Region, now_s: float, *, seen: bool) -> FeedStatus | None:
+        """What the feed does, beside what the plant says."""
         if not region.channel.config.feed.enabled:
             return None
-        if region.plant is not None and now_s >= region.plant.until_s:
-            region.plant = None
-        return FeedStatus(plant=region.plant)
+        feed = region.plant.beside(region.channel.feed if seen else FeedStatus(), now_s)
+        region.alarms.trouble(Trouble.FEED_SIGNAL, present=region.plant.differs(now_s))
+        return feed
 
     def _blind(self, region: _Region, now_s: float) -> BlindReason | None:
         if self._frame is None:

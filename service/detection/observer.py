@@ -9,7 +9,7 @@ class ChannelListener(Protocol):
     """Observes the steps of a region."""
 
     def stage(self, stage: str, roi: str, seconds: float) -> None:
-        """A stage (cut, quality, filter) of the work on one frame took this long."""
+        """A stage (cut, quality, feed, filter) of the work on one frame took this long."""
 
 
 class PipelineObserver(ChannelListener, Protocol):

@@ -23,6 +23,7 @@ from lumpwatch.service.core import (
     Alarm,
     AlarmClass,
     Detection,
+    FeedStatus,
     Frame,
     NotCounted,
     PictureQuality,
@@ -36,6 +37,7 @@ from lumpwatch.service.detection.choices import with_choices
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
 from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.feed_watch import FeedWatch
 from lumpwatch.service.detection.next_lump import NextLump
 from lumpwatch.service.detection.observer import ChannelListener, Unobserved
 from lumpwatch.service.detection.region import make_region
@@ -113,8 +115,9 @@ class RegionChannel:
         listener: ChannelListener | None = None,
         refused: Callable[[LumpwatchError], None] | None = None,
         make: MakeDetector = make_detector,
+        feed: bool = False,
     ) -> None:
-        """`pictures`: None takes every picture for fit.
+        """`pictures`: None takes every picture for fit. `feed`: whether to look at what the feed does.
 
         `refused` is called with the error of a prior that does not fit, and the stated defaults are used in its
         place; without it `fit` raises.
@@ -144,6 +147,13 @@ class RegionChannel:
         self._next = NextLump()
         # Only what is looked for on a belt must move with it; vehicles and people may stand.
         self._rides = isinstance(config.detector, JdtConfig) and config.detector.likelihood.kind == "lump"
+        self._looks_at_feed = feed
+        self._feed: FeedWatch | None = None
+
+    @property
+    def feed(self) -> FeedStatus:
+        """What the feed does, as far as it is looked at."""
+        return FeedStatus() if self._feed is None else self._feed.status
 
     def fit(self, width: int, height: int) -> None:
         """Make geometry, sizes and filter for pictures of that size; nothing where they are of that size already.
@@ -163,6 +173,11 @@ class RegionChannel:
             raise RegionMisfitError(str(error)) from error
         detector = self._begun(width, height)
         self.detector, self._sizer, self.size = detector, sizer, (width, height)
+        if self._looks_at_feed:
+            try:
+                self._feed = FeedWatch(self.config.feed, calibration, self.geometry, (width, height))
+            except ValueError:  # too small a region to tell: its feed stays unknown
+                self._feed = None
 
     def step(
         self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True, may_clear: bool = True
@@ -221,7 +236,7 @@ class RegionChannel:
 
     def close(self) -> None:
         """Let go of the filter; the channel is fit for no picture any more."""
-        self.detector, self._sizer, self.size = None, None, None
+        self.detector, self._sizer, self.size, self._feed = None, None, None, None
 
     def snapshot(self) -> Snapshot:
         """All that the next step depends on, but the prior's content."""
@@ -298,6 +313,9 @@ class RegionChannel:
         began = perf_counter()
         self.pictures.observe(name, self._as_configured(gray), time_s)
         observed = perf_counter()
+        if self._feed is not None:
+            self._feed.step(self._as_configured(gray), time_s)
+        watched = perf_counter()
         quality = self.pictures.current(name)
         # A background model must not learn what covers the lens.
         detector.learns = may_learn and quality.reason is None and not quality.suspect
@@ -313,7 +331,8 @@ class RegionChannel:
         _check(found)
         self.detection = found.moved(*offset_px)
         self._listener.stage("quality", name, observed - began)
-        self._listener.stage("filter", name, perf_counter() - observed)
+        self._listener.stage("feed", name, watched - observed)
+        self._listener.stage("filter", name, perf_counter() - watched)
         self.pictures.filtered(name, self.detection, time_s)
         evidence = self._evidence(found.alarming, may_clear)
         decided_s = time_s if now_s is None else now_s

@@ -18,6 +18,7 @@ from lumpwatch.service.core import (
     AlarmClass,
     Changed,
     Clocks,
+    FeedState,
     Frame,
     PlantFeed,
     RoiResult,
@@ -37,7 +38,14 @@ from lumpwatch.service.monitor.proofs import Proofs
 from lumpwatch.service.monitor.rivals import Rivals
 from lumpwatch.service.monitor.shadow_runner import ShadowRunner
 from lumpwatch.service.monitor.verdict_handler import verdict_handler
-from lumpwatch.service.protocol import EvidenceRequest, FeedReply, FeedRequest, PriorRequest, ProofRequest
+from lumpwatch.service.protocol import (
+    EvidenceRequest,
+    FeedReply,
+    FeedRequest,
+    PriorRequest,
+    ProofRequest,
+    feed_of,
+)
 from lumpwatch.service.storage import (
     EventWriter,
     Prior,
@@ -211,7 +219,12 @@ class Monitor:
             prior=self._prior,
             decision=lambda roi: self._decisions[roi].decision,
             stopped=self._daemon.stop.wait,
+            feed=self._feed,
         )
+
+    def _feed(self, roi: str) -> FeedState:
+        feed = self._decisions[roi].feed
+        return FeedState.UNKNOWN if feed is None else feed.state
 
     def _prior(self, roi: str) -> Prior | None:
         with self._lock:
@@ -264,6 +277,7 @@ class Monitor:
                 self._metrics.decided(result.roi, now - result.frame.received_s, result.detection)
                 self._pipeline.trouble(result.roi, Trouble.LATENCY, present=self._announcer.late(result.roi))
             self._metrics.picture.update(result.roi, result.reason, result.quality)
+            self._metrics.feed.update(result.roi, feed_of(result))
             self._log_change(result)
             self._decisions[result.roi] = result
 

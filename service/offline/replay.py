@@ -17,7 +17,7 @@ from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import Clocks, Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline, CameraQuality, Unobserved
 from lumpwatch.service.errors import LumpwatchError
-from lumpwatch.service.protocol import alarm_event, state_line
+from lumpwatch.service.protocol import alarm_event, feed_of, state_line
 from lumpwatch.service.storage import Prior, Reference
 
 
@@ -31,6 +31,7 @@ class RoiSummary:
 
     frames: int = 0
     states: Counter[str] = field(default_factory=Counter)
+    feed: Counter[str] = field(default_factory=Counter)
     transitions: Counter[str] = field(default_factory=Counter)
     highest_existence: float = 0.0
     prior: int = 0
@@ -54,6 +55,7 @@ class Summary:
             roi: {
                 "frames": counts.frames,
                 "states": dict(sorted(counts.states.items())),
+                "feed": dict(sorted(counts.feed.items())),
                 "alarms": dict(sorted(counts.transitions.items())),
                 "highest_existence": round(counts.highest_existence, 6),
                 "prior": counts.prior,
@@ -162,6 +164,8 @@ def _write_alarms(
 def _add(counts: RoiSummary, result: RoiResult) -> None:
     counts.frames += 1
     counts.states[result.decision.value] += 1
+    if (feed := feed_of(result)) is not None:
+        counts.feed[feed.state.value] += 1
     counts.highest_existence = max(counts.highest_existence, result.existence)
     counts.prior = result.prior
     if result.transition is not None:

@@ -46,7 +46,14 @@ from lumpwatch.service.protocol.proof import (
     ProofResult,
 )
 from lumpwatch.service.protocol.proof_path import place_at
-from lumpwatch.service.protocol.records import alarm_event, level_of, record_id, state_line, state_message
+from lumpwatch.service.protocol.records import (
+    alarm_event,
+    feed_of,
+    level_of,
+    record_id,
+    state_line,
+    state_message,
+)
 from lumpwatch.service.protocol.requests import ActReply, AlarmRequest, Request, read_request
 from lumpwatch.service.protocol.schemas import MESSAGES, message_schema
 from lumpwatch.service.protocol.shadow import SIDES, Counts, ShadowState, Side, summary
@@ -106,6 +113,7 @@ __all__ = [
     "VerdictRequest",
     "alarm_event",
     "asyncapi_text",
+    "feed_of",
     "level_of",
     "message_schema",
     "place_at",

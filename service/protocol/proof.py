@@ -39,6 +39,8 @@ class ProofReason(StrEnum):
     """The alarm was not that of the synthetic lump, or the ROI itself was not CLEAR (inconclusive)."""
     BLIND = "blind"
     """The ROI could not judge (inconclusive)."""
+    EMPTY = "empty"
+    """Nothing lies on the belt (inconclusive): among ore the lump would be harder to find."""
     STOPPED = "stopped"
     """The daemon was stopped (inconclusive)."""
 

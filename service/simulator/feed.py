@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.service.simulator.codec import ThinLink
+from lumpwatch.service.simulator.gaps import Gaps
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
 from lumpwatch.service.simulator.scene import Scene
@@ -46,6 +47,15 @@ class Truth:
     seconds_to_lip: float
 
 
+@dataclass(frozen=True, slots=True)
+class BeltTruth:
+    """What the belt does at a moment."""
+
+    speed_mm_s: float
+    load: float
+    """Share of the visible belt, from the top of the picture to the lip, on which ore lies."""
+
+
 class FeedSimulator:
     """Renders a feed frame by frame; frame i shows the moment i / fps."""
 
@@ -54,10 +64,11 @@ class FeedSimulator:
         self.geometry = Geometry.of(spec)
         self._belt = BeltMotion(spec)
         site = Site(spec, self.geometry)
-        self._scene = Scene(spec, self.geometry, self._belt, site)
+        self._gaps = Gaps(spec)
+        self._scene = Scene(spec, self.geometry, self._belt, site, self._gaps)
         self._weather = Weather(spec, site.light(), self.geometry.lip_row)
         stock = Stock(spec, self.geometry, site.view, self._scene.bed)
-        self._traffic = Traffic(spec, self.geometry, self._belt, stock)
+        self._traffic = Traffic(spec, self.geometry, self._belt, stock, self._gaps)
         self._tint = site.tint()
         self._link = ThinLink(spec) if spec.h264_crf is not None else None
         self._frame = 0
@@ -98,6 +109,12 @@ class FeedSimulator:
         truths = tuple(truth for r in rocks if r.id and (truth := self.truth(r, t, dx, dy)) is not None)
         self._frame += 1
         return picture, truths
+
+    def belt_at(self, t: float) -> BeltTruth:
+        """What the belt does at time t."""
+        distance, length = self._belt.distance(t), self.spec.belt_length_mm
+        cover = self._gaps.cover(distance - (np.arange(200) + 0.5) * length / 200)
+        return BeltTruth(self._belt.speed(t), float(cover.mean()))
 
     def skip(self, frames: int = 1) -> None:
         """Pass over pictures without drawing them; what follows is what would have followed.

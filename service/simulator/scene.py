@@ -8,21 +8,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.service.simulator.gaps import Gaps
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
-from lumpwatch.service.simulator.noise import Field
+from lumpwatch.service.simulator.noise import Field, smooth_noise
 from lumpwatch.service.simulator.site import Site
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.traffic import Rock
 
 _TEXELS = 480  # across the belt
+Bands = list[tuple[int, int, int, NDArray[np.uint8]]]
 _PERIOD_MM = 11_000.0  # the bed of ore repeats after this
 
 
 class Scene:
     """Everything of the picture but light, dust, shake and noise."""
 
-    def __init__(self, spec: FeedSpec, geometry: Geometry, belt: BeltMotion, site: Site) -> None:
+    def __init__(self, spec: FeedSpec, geometry: Geometry, belt: BeltMotion, site: Site, gaps: Gaps) -> None:
         self._geometry, self._belt = geometry, belt
         self._size = (spec.width, spec.height)
         self._still = site.still()
@@ -30,42 +32,62 @@ class Scene:
         self._period = 4 * round(max(_PERIOD_MM, 1.2 * spec.belt_length_mm) / self._texel / 4)
         self.bed = site.bed(_TEXELS, self._period, self._texel)
         self._bed = self.bed.astype(np.uint8)
-        self._bands = self._make_bands()
+        self._bands = self._make_bands(self._bed)
+        self._gaps = gaps
+        self._rubber: Bands = []
+        if gaps.any:
+            self._rubber = self._make_bands(rubber(np.random.default_rng([spec.seed, 21]), self._bed.shape))
         self._prepare_fall(spec)
 
     def draw(self, t: float, rocks: Iterable[Rock]) -> NDArray[np.uint8]:
         """(h, w) picture at time t; rocks must come farthest first."""
         canvas = self._still.copy()
-        self._draw_bed(canvas, self._belt.distance(t))
+        distance = self._belt.distance(t)
+        self._draw_bed(canvas, distance, self._bands)
+        if self._gaps.any:
+            self._draw_gaps(canvas, distance)
         self._draw_fall(canvas, t)
         for rock in rocks:
             self.draw_rock(canvas, rock)
         return canvas
 
-    def _make_bands(self) -> list[tuple[int, int, int, NDArray[np.uint8]]]:
+    def _draw_gaps(self, canvas: NDArray[np.uint8], distance: float) -> None:
+        """Show the belt itself where nothing lies on it."""
+        lip = round(self._geometry.lip_row)
+        middle = np.stack((np.full(lip, self._geometry.cu), np.arange(lip) + 0.5), -1)
+        cover = self._gaps.cover(distance - self._geometry.to_mm(middle)[:, 1])
+        rows = np.flatnonzero(cover < 1.0)
+        if not len(rows):
+            return
+        bare = canvas.copy()
+        self._draw_bed(bare, distance, self._rubber)
+        share = cover[rows, None]
+        canvas[rows] = np.round(share * canvas[rows] + (1.0 - share) * bare[rows]).astype(np.uint8)
+
+    def _make_bands(self, texture: NDArray[np.uint8]) -> Bands:
         """Row bands of the belt with a bed reduced along the belt, so that far rows do not alias."""
         lip = round(self._geometry.lip_row)
         rows = np.arange(lip, dtype=float)
         middle = np.stack((np.full(lip + 1, self._geometry.cu), np.arange(lip + 1.0)), -1)
         texels_a_row = np.diff(self._geometry.to_mm(middle)[:, 1]) / self._texel
-        bands = []
+        bands: Bands = []
         for level, (low, high) in enumerate(((0.0, 2.6), (2.6, 4.6), (4.6, np.inf))):
             inside = rows[(texels_a_row >= low) & (texels_a_row < high)]
             if len(inside) == 0:
                 continue
             factor = 1 << level
             size = (_TEXELS, self._period // factor)
-            bed = np.asarray(cv2.resize(self._bed, size, interpolation=cv2.INTER_AREA), np.uint8)
+            bed = np.asarray(cv2.resize(texture, size, interpolation=cv2.INTER_AREA), np.uint8)
             # One visible length more, so that no row needs to wrap.
             more = round(1.05 * self._geometry.belt_length_mm / self._texel / factor) + 8
             bands.append((int(inside[0]), int(inside[-1]) + 1, factor, np.vstack((bed, bed[:more]))))
         return bands
 
-    def _draw_bed(self, canvas: NDArray[np.uint8], distance: float) -> None:
+    def _draw_bed(self, canvas: NDArray[np.uint8], distance: float, bands: Bands) -> None:
         from_px = np.linalg.inv(self._geometry.homography)
         half = self._geometry.belt_width_mm / 2
         offset = -distance / self._texel % self._period
-        for top, bottom, factor, bed in self._bands:
+        for top, bottom, factor, bed in bands:
             along = self._texel * factor
             # Pixel centres lie at half-integers of texels and of pixels alike.
             to_texel = np.array(
@@ -114,7 +136,7 @@ class Scene:
         lip = self._geometry.belt_length_mm
         came = np.array([self._belt.distance(t - s) for s in self._since])
         moving = np.array([self._belt.speed(t - s) for s in self._since]) / self._belt.full_speed_mm_s
-        moving = np.minimum(moving, 1)
+        moving = np.minimum(moving, 1) * self._gaps.cover(came - lip)
         # Twice as dense as on the belt: the gain in speed alone would draw the stones out into streaks.
         y = (2 * (lip - came) / self._texel % self._period)[:, None].astype(np.float32)
         map_y = np.repeat(y, self._size[0], axis=1)
@@ -149,3 +171,10 @@ class Scene:
         if rock.fallen_s == 0:
             keep *= 1 - shadow
         window[:] = np.clip(window * keep + rock.tone * grey, 0, 255)
+
+
+def rubber(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """A belt from above (length, width): dark, smooth, with faint stains."""
+    length, width = shape
+    stains = smooth_noise(rng, (length, width), 40.0)
+    return np.asarray(np.clip(np.round(46.0 + 2.0 * stains), 0, 255), np.uint8)

@@ -50,6 +50,10 @@ class FeedSpec(Strict):
     """The belt's speed changes at random within 1 minus and 1 plus this share of `belt_speed_mm_s`."""
     speed_change_every_s: float = Field(default=8.0, ge=2.0, le=3600.0)
     """Running time between two changes of the speed."""
+    empty_every_s: NotNegative = 0.0
+    """Mean running time of the belt between two stretches on which nothing lies; 0: there are none."""
+    empty_duration_s: float = Field(default=12.0, ge=1.0, le=3600.0)
+    """How long such a stretch is, as the time that it takes to pass."""
 
     limit_mm: Positive = 600.0
     """Longest diameter that the crusher takes; lumps are larger."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import Generator
 
+from lumpwatch.service.simulator.gaps import Gaps
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
 from lumpwatch.service.simulator.shape import Shape
@@ -49,8 +50,11 @@ class Traffic:
     belt has come, so what happens when does not depend on how often `at` is called.
     """
 
-    def __init__(self, spec: FeedSpec, geometry: Geometry, belt: BeltMotion, stock: Stock) -> None:
+    def __init__(
+        self, spec: FeedSpec, geometry: Geometry, belt: BeltMotion, stock: Stock, gaps: Gaps
+    ) -> None:
         self._spec, self._geometry, self._belt, self._stock = spec, geometry, belt, stock
+        self._gaps = gaps
         self._largest = spec.largest_lump * spec.limit_mm
         # The largest lump's lower edge enters the picture when its centre is here (negative).
         self._entry = geometry.entry_y(self._largest / 2) - 100.0
@@ -89,7 +93,9 @@ class Traffic:
             self._drawn[kind] += 1
             number = self._drawn[kind]
             rock = self._draw(kind, number, self._next[kind])
-            if kind == _LUMP:
+            if self._gaps.bare(rock.start, rock.size_mm):
+                pass  # nothing lies there
+            elif kind == _LUMP:
                 rock = self._among_others(rock)
                 self._next[kind] = rock.start
                 self._active += [rock, *self._cluster(rock)]

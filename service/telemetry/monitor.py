@@ -12,6 +12,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 from lumpwatch.service.core import Alarm, AlarmClass, Change, Decision, Detection, Transition
 from lumpwatch.service.protocol import COMMANDS, Latency
+from lumpwatch.service.telemetry.feed import FeedMetrics
 from lumpwatch.service.telemetry.frames import BUCKETS, FrameMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.records import RecordMetrics
@@ -111,6 +112,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
             "Share of the latency budget that the last decision took, from capture to publication.",
         )
         self.picture = PictureMetrics(registry, camera, rois)
+        self.feed = FeedMetrics(registry, camera)
         self._flagged: dict[str, frozenset[int]] = {}
         for roi in rois:
             self._wrong_way.labels(camera, roi)

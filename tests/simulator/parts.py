@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lumpwatch.service.simulator.gaps import Gaps
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
 from lumpwatch.service.simulator.scene import Scene
@@ -25,9 +26,9 @@ class Parts:
 
 
 def parts(spec: FeedSpec) -> Parts:
-    geometry, belt = Geometry.of(spec), BeltMotion(spec)
+    geometry, belt, gaps = Geometry.of(spec), BeltMotion(spec), Gaps(spec)
     site = Site(spec, geometry)
-    scene = Scene(spec, geometry, belt, site)
+    scene = Scene(spec, geometry, belt, site, gaps)
     weather = Weather(spec, site.light(), geometry.lip_row)
     stock = Stock(spec, geometry, site.view, scene.bed)
-    return Parts(scene, weather, stock, Traffic(spec, geometry, belt, stock))
+    return Parts(scene, weather, stock, Traffic(spec, geometry, belt, stock, gaps))

@@ -84,6 +84,15 @@ export function worst(feed) {
   return [...feed.regions()].sort((a, b) => weight(b) - weight(a));
 }
 
+// What the feed does, in a few words; empty where it is not known.
+export function feeding(region) {
+  const told = region.state?.feed;
+  if (!told || told.state === "unknown") return "";
+  const speed = told.state !== "running" ? "" : told.speed_mm_s !== null ? `${(told.speed_mm_s / 1000).toFixed(2)} m/s` : told.speed_px_s !== null ? `${Math.round(told.speed_px_s)} px/s` : "";
+  const load = told.load === null || told.state === "empty" ? "" : `load ${Math.round(100 * told.load)} %`;
+  return [`feed ${told.state}`, speed, load, told.agrees === false ? "the plant says otherwise" : ""].filter(Boolean).join(", ");
+}
+
 export const HELD = ["SHELVED", "SUPPRESSED", "OUT_OF_SERVICE"];
 export const WAITS = ["UNACKNOWLEDGED", "RETURNED"];
 const CLASSES = ["lump", "blind", "system", "blocked"];

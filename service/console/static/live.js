@@ -2,7 +2,7 @@
 import { command, evidence, feed, shelve } from "./common.js";
 import { call, make, mark, may, say, set } from "./dom.js";
 import { curve, objects } from "./curve.js";
-import { HELD, now, soonest, largest } from "./feed.js";
+import { HELD, feeding, largest, now, soonest } from "./feed.js";
 
 const EVERY_S = 0.1;
 const main = document.getElementById("main");
@@ -26,7 +26,7 @@ function draw(bitmap, about) {
   context.drawImage(bitmap, 0, 0, width, height);
   for (const [roi, one] of Object.entries(shape)) {
     const state = about.states[roi];
-    context.strokeStyle = state?.state === "LUMP" ? "#ff4d5e" : state?.state === "BLIND" ? "#f0c000" : "#dfe3e6";
+    context.strokeStyle = state?.state === "LUMP" || state?.state === "BLOCKED" ? "#ff4d5e" : state?.state === "BLIND" ? "#f0c000" : "#dfe3e6";
     context.lineWidth = 2 * scale;
     context.beginPath();
     one.polygon.forEach(([x, y], i) => context[i ? "lineTo" : "moveTo"](x * width, y * height));
@@ -111,7 +111,7 @@ function show() {
     set(node, "data-status", status);
     mark(node.querySelector(".mark"), status);
     say(node.querySelector(".text"), status);
-    say(node.querySelector(".detail"), status === "SILENT" ? feed.news(region) : status === "BLIND" ? region.state.reason ?? "" : "");
+    say(node.querySelector(".detail"), status === "SILENT" ? feed.news(region) : status === "BLIND" ? region.state.reason ?? "" : feeding(region));
     const lip = soonest(region);
     if (region.state.frame !== countdown.get(region.roi)?.frame) {
       countdown.set(region.roi, { frame: region.state.frame, at: at - (region.state.timing?.age_s ?? 0), lip });

@@ -1,7 +1,7 @@
 // All regions, worst first.
 import { feed, selection } from "./common.js";
 import { make, mark, place, say, set } from "./dom.js";
-import { largest, soonest, worst } from "./feed.js";
+import { feeding, largest, soonest, worst } from "./feed.js";
 
 const list = document.getElementById("tiles");
 const tiles = new Map();
@@ -27,7 +27,7 @@ const WHY = {
 function detail(region, status) {
   if (status === "SILENT") return feed.news(region);
   if (status === "BLIND") return WHY[region.state.reason] ?? region.state.reason ?? "";
-  if (status === "CLEAR") return "";
+  if (status === "CLEAR") return feeding(region);
   const size = largest(region)?.size?.longest_mm;
   const lip = soonest(region);
   return [size ? `${Math.round(size)} mm` : "", lip === null ? "" : `${Math.max(0, lip).toFixed(1)} s to the lip`].filter(Boolean).join(" · ");
