@@ -241,7 +241,7 @@ def towards_lip(plane: BeltPlane, points: Array) -> tuple[Array, Array]:
 
 
 def ground_of(plane: BeltPlane, points: Array) -> Array:
-    """How much of the belt one px shows at picture points (n, 2), mm2 (n,); 0 beyond the lip, and where none is seen."""
+    """How much of the belt one px shows at picture points (n, 2), mm2 (n,); 0 beyond the lip and off the belt."""
     chosen = np.zeros(len(points), np.intp)
     places = [
         _meet(plane, points + step, chosen, 0.0)[:, :2]

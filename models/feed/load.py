@@ -57,8 +57,8 @@ class CoverMeter:
         gray = reduced.astype(np.float32)
         fine = cv2.blur(gray, (_FINE, _FINE))
         coarse = fine - cv2.blur(gray, (_BAND, _BAND))
-        fine -= gray
-        energy = self._cells(coarse * coarse) - _OF_NOISE * self._cells(fine * fine)
+        finest = gray - fine
+        energy = self._cells(coarse * coarse) - _OF_NOISE * self._cells(finest * finest)
         deviation = np.sqrt(np.maximum(energy, 0.0))
         return np.asarray(deviation / np.maximum(self._cells(gray), 8.0), np.float32)
 
@@ -66,7 +66,7 @@ class CoverMeter:
         """Share of the region whose contrast is not below `bare_below`."""
         return float(self._weight[self.contrast(reduced) >= bare_below].sum())
 
-    def _cells(self, picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _cells(self, picture: cv2.typing.MatLike) -> NDArray[np.float32]:
         part = picture[: self._rows * CELL, : self._columns * CELL]
         return np.asarray(
             cv2.resize(part, (self._columns, self._rows), interpolation=cv2.INTER_AREA), np.float32

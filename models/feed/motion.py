@@ -82,7 +82,7 @@ class FeedMotion:
             last.until_s = time_s
             return
         self._seen.append(_Seen(time_s, reduced, until_s=time_s))
-        while len(self._seen) > 2 and self._seen[1].time_s < time_s - LONGEST_S - 1e-6:
+        while len(self._seen) > 2 and self._seen[1].until_s < time_s - LONGEST_S - 1e-6:
             self._seen.popleft()
 
     def compare(self, bare_below: float) -> Motion:
@@ -90,24 +90,21 @@ class FeedMotion:
         if not self._seen:
             return Motion(Moves.UNTOLD)
         newest = self._seen[-1]
-        if newest.until_s - newest.time_s >= 0.5 * LONGEST_S:
-            # A coder may send nothing new of what stands.
-            along = None if self._slope is None else 0.0
-            return Motion(Moves.STANDING, np.zeros(2), along)
+        # The same picture again: a coder that sends nothing new of what stands, or a stream that falters.
         if newest.until_s > newest.time_s:
             return Motion(Moves.UNTOLD)
         voting = self._belt & self._covered(newest.reduced, bare_below)
         if not voting.any():
             return Motion(Moves.UNTOLD)
-        before = [seen for seen in self._seen if newest.time_s - seen.time_s <= 2.0 * LONGEST_S][:-1]
+        before = [seen for seen in self._seen if newest.time_s - seen.until_s <= 2.0 * LONGEST_S][:-1]
         if not before:
             return Motion(Moves.UNTOLD)
 
         def judged(earlier: _Seen) -> tuple[Motion, float]:
             found = self._flow.between(self._spectra(earlier), self._spectra(newest))
-            return self._judge(found, voting, newest.time_s - earlier.time_s)
+            return self._judge(found, voting, newest.time_s - earlier.until_s)
 
-        wanted = min(before, key=lambda seen: abs(newest.time_s - seen.time_s - self._wanted_s))
+        wanted = min(before, key=lambda seen: abs(newest.time_s - seen.until_s - self._wanted_s))
         motion, fastest = judged(wanted)
         other = None
         if motion.moves is Moves.UNTOLD:
@@ -118,9 +115,13 @@ class FeedMotion:
             again, faster = judged(other)
             if again.moves is not Moves.UNTOLD:
                 wanted, motion, fastest = other, again, faster
-        lag_s = newest.time_s - wanted.time_s
+        if motion.moves is Moves.STANDING and wanted is before[-1] and len(before) > 1:
+            # It may be the same picture, coded again: only one that stands against an earlier one, too, stands.
+            motion, fastest = judged(before[-2])
+            wanted = before[-2]
+        lag_s = newest.time_s - wanted.until_s
         if motion.moves is Moves.UNTOLD:
-            self._wanted_s = 0.5 * lag_s if lag_s > newest.time_s - before[-1].time_s else LONGEST_S
+            self._wanted_s = 0.5 * lag_s if lag_s > newest.time_s - before[-1].until_s else LONGEST_S
         else:
             self._wanted_s = min(lag_s * WANTED_PX / max(fastest, 0.1), LONGEST_S)
         return motion

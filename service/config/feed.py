@@ -28,8 +28,9 @@ class FeedConfig(Strict):
     """With more than this it is no longer."""
     delay_s: Delay = 0.2
     """How long another state must be seen without a break."""
-    unknown_after_s: PositiveSeconds = 3.0
-    """After so long without anything that tells the state it is unknown."""
+    unknown_after_s: PositiveSeconds = 5.0
+    """After so long without anything that tells the state it is unknown. Keep it above the distance of key frames: of
+    what stands a coder may send nothing between them."""
     signal_tolerance: Unit = 0.25
     """By so large a share the speed that is seen may differ from the plant's signal."""
     signal_for_s: PositiveSeconds = 10.0

@@ -152,7 +152,12 @@ def test_a_prior_is_taken_and_left_for_the_defaults() -> None:
 def test_stages_are_timed_for_each_frame() -> None:
     seen = Counting()
     feed(pipeline(observer=seen), scene(4, 0))
-    assert seen.stages == {("cut", "apron"): 4, ("quality", "apron"): 4, ("filter", "apron"): 4}
+    assert seen.stages == {
+        ("cut", "apron"): 4,
+        ("quality", "apron"): 4,
+        ("feed", "apron"): 4,
+        ("filter", "apron"): 4,
+    }
 
 
 # Which frames count

@@ -46,6 +46,11 @@ def shown(scene: Scene, **more: Any) -> None:
     scene.show(2.5, lambda k: moving(k, visible=True), **more)
 
 
+def judged(lines: bytes) -> list[str]:
+    """Without what the feed did: that follows from pictures before the first that is kept."""
+    return [json.dumps(json.loads(line) | {"feed": None}) for line in lines.splitlines()]
+
+
 @pytest.mark.parametrize("objects", [1, 3])
 def test_a_replay_from_the_stored_state_gives_the_same_lines(tmp_path: Path, objects: int) -> None:
     one = made(objects, calibration=CALIBRATION)
@@ -58,7 +63,7 @@ def test_a_replay_from_the_stored_state_gives_the_same_lines(tmp_path: Path, obj
     found = replay_evidence(evidence, tmp_path / "out")
     assert found.frames == found.same == evidence.meta.frames == len(clip.kept)
     lines = (tmp_path / "e" / STATES).read_bytes()
-    assert (tmp_path / "out" / "states.jsonl").read_bytes() == lines
+    assert judged((tmp_path / "out" / "states.jsonl").read_bytes()) == judged(lines)
     told = [json.loads(line) for line in lines.splitlines()]
     assert {line["state"] for line in told} == {"CLEAR", "LUMP"}
     assert told[evidence.meta.decisive - 1]["state"] == "LUMP"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,7 @@ def test_the_summary_counts_what_the_files_hold(out: Path) -> None:
                 "frames": FRAMES,
                 "states": {name: sum(one["state"] == name for one in states) for name in ("CLEAR", "LUMP")},
                 "alarms": {"cleared": 1, "raised": 1},
+                "feed": dict(sorted(Counter(one["feed"]["state"] for one in states).items())),
                 "highest_existence": max(one["existence"] for one in states),
                 "prior": 2,
             }
