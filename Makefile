@@ -99,6 +99,7 @@ reproduce: setup ## the experiments, with tables and plots in docs/
 
 docs: setup ## the generated part of the documentation
 	$(BIN)/python -m docs.generate
+	$(BIN)/python -m docs.gallery
 
 lock: setup ## resolve the dependencies anew
 	$(BIN)/uv pip compile --quiet pyproject.toml --group dev --all-extras --universal --python-version 3.11 \

@@ -98,9 +98,16 @@ class JdtFilter:
         return self.particles - max(born, 1 if self.form == "marginal" else 0)
 
     def step(self, belief: Belief, observation: Observation, dt: float, rng: np.random.Generator) -> Step:
-        """One frame, `dt` seconds after the last. Raises ValueError for a dt that is not positive."""
+        """One frame, `dt` seconds after the last.
+
+        Raises ValueError for a dt that is not positive, and for a belief that leaves no particle to search with.
+        """
         if not 0.0 < dt < float("inf"):
             raise ValueError(f"dt must be positive and finite, not {dt}")
+        if self.form == "marginal" and not 0 < len(belief.states) < self.particles:
+            raise ValueError(
+                f"the belief has {len(belief.states)} particles; of {self.particles} one must be left for newborn ones"
+            )
         advance = self._step_marginal if self.form == "marginal" else self._step_sampled
         return advance(belief, observation, dt, rng)
 

@@ -15,7 +15,7 @@ from lumpwatch.models.jdt.filter import Form, JdtFilter, Order
 from lumpwatch.models.jdt.motion import Bounce, ConstantAcceleration, ConstantVelocity, FreeAcceleration
 from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.jdt.switching import FixedSwitching
-from lumpwatch.models.state import H, Labels, States, W, X, Y
+from lumpwatch.models.state import H, Labels, States, W, X, Y, blank
 from tests.models.filters import DT, belief_of, both_forms, both_orders, make_filter
 from tests.models.helpers import Marker, Seen, flat
 
@@ -146,6 +146,13 @@ def test_step_does_not_change_the_belief_before(form: Form) -> None:
     for part in (belief.states, belief.labels, belief.exists):
         part.setflags(write=False)
     jdt.step(belief, flat(1.0), DT, np.random.default_rng(0))
+
+
+def test_a_belief_without_room_for_newborn_particles_is_refused() -> None:
+    jdt = make_filter(form="marginal")
+    full = replace(belief_of(jdt, 0.5), states=blank(jdt.particles))
+    with pytest.raises(ValueError, match=f"the belief has {jdt.particles} particles"):
+        jdt.step(full, flat(1.0), DT, np.random.default_rng(0))
 
 
 @both_forms

@@ -1,0 +1,1 @@
+"""Short scripts that use `lumpwatch.models` alone, each with a picture: `make docs` builds the pictures."""
