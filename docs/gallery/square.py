@@ -43,7 +43,8 @@ def make_filter(models: Sequence[Any], matrix: NDArray[np.float64], particles: i
 
 def learned(scene: Scene, evidence: float = 1.0) -> HistogramLikelihood:
     """The square's mean histogram as the reference; offset and slope between it and the ground's."""
-    inside, outside = [], []
+    inside: list[NDArray[np.float64]] = []
+    outside: list[NDArray[np.float64]] = []
     for k, (x, y) in enumerate(scene.centres):
         bins = scene.pictures[EMPTY + k] >> 4
         for found, left in ((inside, x), (outside, (x + WIDTH / 2) % (WIDTH - SIDE) + SIDE / 2)):
