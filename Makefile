@@ -11,9 +11,10 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # pysparkplug asks for an older paho-mqtt, which what is used of it does not need.
 ORACLE := trackeval==1.3.0 pysparkplug==0.6.1
 
-# What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, and
+# What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, a Modbus
+# master, an MQTT broker, and
 # the means to lose packets and to step a clock.
-SYSTEM_PACKAGES := chromium prometheus prometheus-alertmanager iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
+SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus prometheus-alertmanager iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
 	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
 
 # What the tests of the container need on top. `make test` does not install it: with the base to build from

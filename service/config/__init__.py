@@ -9,7 +9,13 @@ from lumpwatch.service.config.console import ConsoleConfig, UserRole
 from lumpwatch.service.config.detector import DetectorConfig
 from lumpwatch.service.config.evidence import EvidenceConfig, ShiftsConfig
 from lumpwatch.service.config.feed import FeedConfig
-from lumpwatch.service.config.gateway import GatewayConfig, ModbusConfig, PlantConfig
+from lumpwatch.service.config.gateway import (
+    GatewayConfig,
+    ModbusConfig,
+    MqttConfig,
+    PlantConfig,
+    SparkplugConfig,
+)
 from lumpwatch.service.config.jdt import (
     ExistenceConfig,
     HistogramConfig,
@@ -61,6 +67,7 @@ __all__ = [
     "MixtureConfig",
     "ModbusConfig",
     "MotionConfig",
+    "MqttConfig",
     "NetworkConfig",
     "NotNegative",
     "PlantConfig",
@@ -73,6 +80,7 @@ __all__ = [
     "SightConfig",
     "SiteConfig",
     "SourceConfig",
+    "SparkplugConfig",
     "StatisticalConfig",
     "StoreConfig",
     "Strict",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import Field, IPvAnyNetwork, model_validator
+from pydantic import Field, IPvAnyNetwork, SecretStr, model_validator
 
 from lumpwatch.service.config.address import HostPort, host_and_port, is_loopback
 from lumpwatch.service.config.base import PositiveSeconds, Strict
@@ -45,6 +45,83 @@ class ModbusConfig(Strict):
         return host_and_port(self.listen)
 
 
+class MqttTlsConfig(Strict):
+    """How the broker is believed, and who the gateway is there. Relative paths begin at the configuration file."""
+
+    ca: Path
+    """Certificate of the authority that signed the broker's (PEM)."""
+    certificate: Path | None = None
+    """The gateway's own certificate (PEM)."""
+    key: Path | None = None
+    """Its private key (PEM)."""
+
+    @model_validator(mode="after")
+    def _pair(self) -> Self:
+        if (self.certificate is None) != (self.key is None):
+            raise ValueError("certificate and key belong together")
+        return self
+
+    def under(self, folder: Path) -> MqttTlsConfig:
+        """The same with relative paths taken from `folder`."""
+        certificate, key = self.certificate, self.key
+        return MqttTlsConfig(
+            ca=folder / self.ca, certificate=certificate and folder / certificate, key=key and folder / key
+        )
+
+
+TopicPart = Annotated[str, Field(pattern=r"^[^/+#\x00-\x1f]{1,64}$")]
+
+
+class SparkplugConfig(Strict):
+    """An edge node of Sparkplug B, with all values of the register map as its metrics."""
+
+    group: TopicPart
+    """Group ID."""
+    node: TopicPart | None = None
+    """Edge node ID; left out: the name of the site."""
+
+
+class MqttConfig(Strict):
+    """A client of an MQTT broker (3.1.1)."""
+
+    broker: HostPort
+    """`host:port` of the broker, usually port 1883, or 8883 with `tls`."""
+    topic: Annotated[str, Field(pattern=r"^[^+#\x00-\x1f]{1,128}$")] = "lumpwatch"
+    """What topics begin with; the site's name follows."""
+    user: Annotated[str, Field(min_length=1, max_length=128)] | None = None
+    """User name at the broker."""
+    password: SecretStr | None = None
+    """Password at the broker, as `${VARIABLE}`."""
+    tls: MqttTlsConfig | None = None
+    """Talk by TLS."""
+    insecure: bool = False
+    """Talk to another host without `tls`: everyone on the way may read, and forge what the broker says."""
+    commands: bool = False
+    """Take acknowledgements and plant signals from the broker. It must say who may write them."""
+    sparkplug: SparkplugConfig | None = None
+    """Be an edge node of Sparkplug B as well."""
+
+    @model_validator(mode="after")
+    def _closed(self) -> Self:
+        host, port = self.address
+        if port == 0:
+            raise ValueError("broker: port 0 leads nowhere")
+        if not is_loopback(host) and self.tls is None and not self.insecure:
+            raise ValueError("a broker on another host needs tls (or insecure: true)")
+        if self.password is not None and self.user is None:
+            raise ValueError("password needs user")
+        return self
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+        return host_and_port(self.broker)
+
+    def under(self, folder: Path) -> MqttConfig:
+        """The same with relative paths taken from `folder`."""
+        return self.model_copy(update={"tls": self.tls and self.tls.under(folder)})
+
+
 class PlantConfig(Strict):
     """What the plant's signals do to alarms while they last, and how long one counts."""
 
@@ -61,6 +138,8 @@ class GatewayConfig(Strict):
 
     modbus: ModbusConfig | None = None
     """Serve Modbus TCP."""
+    mqtt: MqttConfig | None = None
+    """Publish to an MQTT broker."""
     plant: PlantConfig = PlantConfig()
     """What the plant's signals do."""
     order: tuple[RegionName, ...] = ()
@@ -79,4 +158,9 @@ class GatewayConfig(Strict):
 
     def under(self, folder: Path) -> GatewayConfig:
         """The same with relative paths taken from `folder`."""
-        return self.model_copy(update={"bus_tls": self.bus_tls and self.bus_tls.under(folder)})
+        return self.model_copy(
+            update={
+                "bus_tls": self.bus_tls and self.bus_tls.under(folder),
+                "mqtt": self.mqtt and self.mqtt.under(folder),
+            }
+        )

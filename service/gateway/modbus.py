@@ -73,6 +73,9 @@ class ModbusServer:
         """Serve these from now on."""
         self._words, self._set_s = self._map.words(values), self._clock()
 
+    def alarm(self, camera: str, roi: str, payload: bytes) -> None:
+        """Alarms are values here."""
+
     async def start(self) -> None:
         """Listen. Raises GatewayError."""
         host, port = self._config.address

@@ -40,6 +40,9 @@ class Server(Protocol):
     def set(self, values: SiteValues) -> None:
         """Say these from now on; must not wait."""
 
+    def alarm(self, camera: str, roi: str, payload: bytes) -> None:
+        """An alarm record, each once and in order, in a thread of the bus; must not wait."""
+
     async def start(self) -> None:
         """Begin to serve. Raises GatewayError."""
 
@@ -56,8 +59,8 @@ def run_gateway(
 
     What it serves is there at once, whether the bus is or not: its quality is Bad until the regions are heard.
     """
-    if config.gateway.modbus is None:
-        raise ConfigError("gateway: nothing to serve: expected gateway.modbus")
+    if config.gateway.modbus is None and config.gateway.mqtt is None:
+        raise ConfigError("gateway: nothing to serve: expected gateway.modbus or gateway.mqtt")
     asyncio.run(_run(config, stop, on_ready))
 
 
@@ -81,7 +84,7 @@ async def _run(config: SiteConfig, stop: threading.Event, on_ready: Callable[[Se
             stack.push_async_callback(server.close)
             log.info("%s on %s", name, server.address)
         stack.callback(late.close)
-        late.start(chain)
+        late.start(chain, tuple(served.values()))
         threading.Thread(target=orders.run, args=(stop,), name="orders", daemon=True).start()
         on_ready({name: server.address for name, server in served.items()})
         while not stop.is_set():
@@ -102,6 +105,13 @@ def _servers(config: SiteConfig, register_map: RegisterMap, orders: Orders) -> d
             from lumpwatch.service.gateway.modbus import ModbusServer
 
             served["modbus"] = ModbusServer(config.gateway.modbus, register_map, orders)
+        if (mqtt := config.gateway.mqtt) is not None:
+            from lumpwatch.service.gateway.mqtt import MqttServer
+            from lumpwatch.service.gateway.sparkplug_node import SparkplugNode
+
+            served["mqtt"] = MqttServer(mqtt, config.site, orders)
+            if mqtt.sparkplug is not None:
+                served["sparkplug"] = SparkplugNode(mqtt, mqtt.sparkplug, config.site, register_map, orders)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("lumpwatch"):
             raise
@@ -120,9 +130,9 @@ class _Bus:
         self._bus: Bus | None = None
         self._thread: threading.Thread | None = None
 
-    def start(self, chain: Chain) -> None:
-        """Join, and have `chain` follow."""
-        self._thread = threading.Thread(target=self._join, args=(chain,), name="join", daemon=True)
+    def start(self, chain: Chain, servers: tuple[Server, ...]) -> None:
+        """Join, have `chain` follow, and pass alarm records to the servers."""
+        self._thread = threading.Thread(target=self._join, args=(chain, servers), name="join", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -139,12 +149,19 @@ class _Bus:
             return "the bus is not there"
         return by_bus(self._bus, self._config.site)(region, command, parameters)
 
-    def _join(self, chain: Chain) -> None:
+    def _join(self, chain: Chain, servers: tuple[Server, ...]) -> None:
         try:
             bus = open_client(_as_client(self._config), self._stop)
         except BusClosed:
             return
         chain.follow(bus)
+
+        def on_alarm(key: str, payload: bytes) -> None:
+            camera, roi = key.split("/")[-3:-1]
+            for server in servers:
+                server.alarm(camera, roi, payload)
+
+        bus.subscribe_alarms(Keys(self._config.site).alarms(), on_alarm)
         bus.alive(Keys(self._config.site).alive("gateway", self._config.site))
         self._bus = bus
 

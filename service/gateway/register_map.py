@@ -264,6 +264,14 @@ class RegisterMap:
                     words[base + value.at] = _scaled(value.read(region), value.scale, NOT_AVAILABLE_16)
         return tuple(words)
 
+    def numbers(self, values: SiteValues) -> Iterator[tuple[str, float | None, bool]]:
+        """Every value by name, in its unit; None: not available. Whether it may have a fraction comes third."""
+        for name, _, read in _SITE_VALUES:
+            yield name, read(values, self.layout), False
+        for region in values.regions:
+            for value in _VALUES:
+                yield f"{region.name}/{value.name}", value.read(region), value.scale > 1
+
     def coil(self, address: int) -> tuple[tuple[str, str], str] | None:
         """Region and name of the coil at an address; None where there is none."""
         block, at = divmod(address, COILS)
