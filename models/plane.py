@@ -32,6 +32,7 @@ from lumpwatch.models.belt_camera import (
     misses,
     view_deg,
 )
+from lumpwatch.models.lens import Lens
 
 Array = NDArray[np.float64]
 _LEAST_POINTS = 4
@@ -68,6 +69,8 @@ class BeltPlane:
     """By how much the camera misses the points of the calibration, px (root mean square)."""
     view_deg: float = 0.0
     """The camera's horizontal angle of view."""
+    lens: Lens | None = None
+    """How the lens bends the picture; None: it does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +97,18 @@ class OnBelt:
 
 
 def fit_plane(
-    points_px: Array, points_mm: Array, error_px: float, size: tuple[int, int], lip_px: Array
+    points_px: Array,
+    points_mm: Array,
+    error_px: float,
+    size: tuple[int, int],
+    lip_px: Array,
+    lens: Lens | None = None,
 ) -> BeltPlane:
     """The plane from picture points (n, 2) and their places on the belt (n, 2), in a picture of `size` (w, h).
 
-    `lip_px` (2, 2) are two points of the line behind which the belt ends. Raises ValueError for fewer
-    than four points, three or more on a line where four are needed, and points that the best camera misses by
-    more than `TOLERANCE` times `error_px`.
+    `lip_px` (2, 2) are two points of the line behind which the belt ends; `lens`: how the picture is bent. Raises
+    ValueError for fewer than four points, three or more on a line where four are needed, and points that the best
+    camera misses by more than `TOLERANCE` times `error_px`.
     """
     points_px, points_mm = np.asarray(points_px, float), np.asarray(points_mm, float)
     lip_px = np.asarray(lip_px, float)
@@ -110,6 +118,8 @@ def fit_plane(
         raise ValueError(f"calibration: needs {_LEAST_POINTS} points at least, not {len(points_px)}")
     if not error_px > 0:
         raise ValueError("calibration: the error of a point must be positive")
+    if lens is not None:
+        points_px, lip_px = lens.ideal(points_px), lens.ideal(lip_px)
     middle = (size[0] / 2.0, size[1] / 2.0)
     cameras, missed_px = _cameras(points_px - middle, points_mm, error_px, size[0])
     view = view_deg(float(cameras.focal[0]), size[0])
@@ -124,7 +134,7 @@ def fit_plane(
     # The belt lies on the near side of the lip: the normal points away from the calibration points.
     inwards = np.einsum("kc,kc->k", normal, points_mm.mean(axis=0) - ends[0])
     normal = np.where(inwards[:, None] > 0, -normal, normal)
-    return replace(plane, lip=(ends[0], normal))
+    return replace(plane, lip=(ends[0], normal), lens=lens)
 
 
 def _cameras(points_px: Array, points_mm: Array, error_px: float, width: float) -> tuple[Camera, float]:
@@ -179,6 +189,8 @@ def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnB
 
     `errors` (6,) are the standard deviations of x, y, w, h and the velocity along x and y.
     """
+    if plane.lens is not None:
+        box, velocity, errors = _straightened(plane.lens, box, velocity, errors)
     state = np.concatenate([box, velocity])
     k = len(plane.cameras.focal)
     states = np.tile(state, (k + len(errors), 1))
@@ -205,18 +217,26 @@ def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnB
     )
 
 
+def _straightened(lens: Lens, box: Array, velocity: Array, errors: Array) -> tuple[Array, Array, Array]:
+    """As a pinhole would have seen them."""
+    ends = lens.ideal(np.stack([box[:2], box[:2] + _STEP_S * velocity]))
+    return lens.ideal_box(box), (ends[1] - ends[0]) / _STEP_S, errors * lens.magnified(box[None, :2])[0]
+
+
 def side_of(plane: BeltPlane, points: Array, diameter_mm: float) -> Array:
     """Side (n,) of the square box in which a sphere on the belt is seen with its middle at points (n, 2), px.
 
     The reverse of `measure`'s equivalent diameter; NaN where no belt is seen or the sphere would not fit
     under the camera.
     """
+    bent = 1.0 if plane.lens is None else plane.lens.magnified(points)
+    points = points if plane.lens is None else plane.lens.ideal(points)
     direction, cosine = _rays(plane, points, np.zeros(len(points), np.intp))
     falls, radius = -direction[:, 2], 0.5 * diameter_mm
     room = plane.cameras.centre[0, 2] - radius
     sine = radius * falls / room if room > 0 else np.full(len(points), np.nan)
     sine = np.where(falls > 0, sine, np.nan)
-    return 2.0 * sine * plane.cameras.focal[0] / cosine**1.5
+    return 2.0 * sine * plane.cameras.focal[0] / cosine**1.5 / bent
 
 
 def towards_lip(plane: BeltPlane, points: Array) -> tuple[Array, Array]:

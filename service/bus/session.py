@@ -29,6 +29,7 @@ _FIRST_ATTEMPT_S, _LONGEST_ATTEMPT_S, _PAUSE_S = 0.5, 4.0, 0.2
 # With zenoh's own values a client is back 2.5 to 3.5 s after its hub, with these after some 0.1 s.
 _RETRY = {"period_init_ms": 200, "period_max_ms": 500, "period_increase_factor": 1.5}
 
+_ACCEPT_MS, _MOST_PENDING = 3000, 2000
 _ALARMS_QUEUED = 16
 MOST_BYTES = 64 << 20
 """A longer message ends the connection that it comes from: a colour picture of 5,000 by 4,000 pixels fits."""
@@ -126,6 +127,9 @@ def _settings(
         # So many alarms wait for a slow reader before anybody waits with them.
         "transport/link/tx/queue/size/interactive_high": _ALARMS_QUEUED,
         "transport/link/rx/max_message_size": MOST_BYTES,
+        # Connections that say nothing must not take the places of those that join.
+        "transport/unicast/accept_timeout": _ACCEPT_MS,
+        "transport/unicast/accept_pending": _MOST_PENDING,
         "transport/shared_memory/enabled": config.shared_memory,
     }
     if config.tls is not None:

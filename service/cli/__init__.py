@@ -41,6 +41,7 @@ _MODULES = {
     "labels": ("labels",),
     "report": ("report",),
     "proof": ("proof",),
+    "lens": ("lens",),
     "simulate": ("simulate",),
     "deploy": ("deploy",),
 }

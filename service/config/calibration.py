@@ -24,6 +24,17 @@ class WidthConfig(Strict):
     """The camera's horizontal angle of view, from its data sheet."""
 
 
+class LensConfig(Strict):
+    """How the lens bends the picture: a point at a share r of half the width from the middle lies (1 + k1 r^2 + k2 r^4)
+    times as far from it for a camera without distortion. `lumpwatch lens` finds it from straight edges.
+    """
+
+    k1: Annotated[float, Field(ge=-0.5, le=2.0)] = 0.0
+    """Positive for the barrel of a wide lens."""
+    k2: Annotated[float, Field(ge=-0.5, le=2.0)] = 0.0
+    """Matters for fisheyes only."""
+
+
 class CalibrationConfig(Strict):
     """From the picture to millimetres; picture coordinates are relative, 0 to 1.
 
@@ -38,6 +49,8 @@ class CalibrationConfig(Strict):
     """The other way: a known width at two rows."""
     lip: tuple[Corner, Corner]
     """Two points of the line at which lumps leave the belt."""
+    lens: LensConfig | None = None
+    """How the lens bends the picture; left out: it does not."""
     error_px: Positive = 2.0
     """Standard deviation of a point in the picture, pixels."""
     speed_m_s: Positive | None = None

@@ -14,6 +14,7 @@ from math import erf, exp, log, pi, sqrt, tan
 
 import numpy as np
 
+from lumpwatch.models.lens import Lens
 from lumpwatch.models.plane import BeltPlane, OnBelt, fit_plane, measure, rectangle_of_width
 from lumpwatch.service.config import CalibrationConfig
 from lumpwatch.service.core import DetectedObject, Detection, LumpSize
@@ -148,14 +149,16 @@ class Sizer:
 def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
     """The belt's plane in pictures of that size. Raises ValueError."""
     size = np.array([width, height], float)
+    lens = None if config.lens is None else Lens(config.lens.k1, config.lens.k2, (width, height))
     if config.width is None:
         points, places = np.array(config.points) * size, np.array(config.points_mm)
     else:
         known = config.width
         points = np.array([*known.far, *reversed(known.near)]) * size
         focal = width / 2 / tan(known.view_deg * pi / 360)
-        places = rectangle_of_width(points, known.width_mm, focal, (width, height))
-    return fit_plane(points, places, config.error_px, (width, height), np.array(config.lip) * size)
+        straight = points if lens is None else lens.ideal(points)
+        places = rectangle_of_width(straight, known.width_mm, focal, (width, height))
+    return fit_plane(points, places, config.error_px, (width, height), np.array(config.lip) * size, lens)
 
 
 def ride_s(

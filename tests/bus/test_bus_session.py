@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import socket
 import threading
 import time
 from pathlib import Path
@@ -221,3 +223,17 @@ def test_host_clock_is_that_of_the_boot(tmp_path: Path) -> None:
     assert host_clock(one) == host_clock(one)
     assert host_clock(one) != host_clock(two)
     assert host_clock(none) != host_clock(none)
+
+
+def test_connections_that_say_nothing_keep_nobody_out() -> None:
+    """150 of them (100 kept everybody else out for 10 s), and the hub lets go of them by itself."""
+    endpoint = free_endpoint()
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(open_hub(hub_config(endpoint)))
+        idle = [stack.enter_context(socket.create_connection((host, int(port)), 10.0)) for _ in range(150)]
+        began = time.monotonic()
+        with open_client(client_config(endpoint), wait=False):
+            assert time.monotonic() - began < 2.0
+        idle[0].settimeout(15.0)
+        assert idle[0].recv(1) == b""
