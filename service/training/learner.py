@@ -35,7 +35,7 @@ from lumpwatch.models.learning.motion import Law, ModelSpec
 from lumpwatch.models.learning.sizes import with_sizes
 from lumpwatch.models.learning.transitions import fit_transitions
 from lumpwatch.models.roi import Roi
-from lumpwatch.service.config import JdtConfig, RoiConfig
+from lumpwatch.service.config import JdtConfig, LumpConfig, RoiConfig
 from lumpwatch.service.core import Frame
 from lumpwatch.service.storage import Box, LabelError, Prior, PriorMeta, check_frames
 from lumpwatch.service.training.evidence_rate import temper
@@ -125,8 +125,9 @@ def learn(roi: RoiConfig, footage: Footage, tracks: list[Track], source: str) ->
         raise TrainingError(f"{source}: {error} inside roi {roi.id}") from error
     motion = fit_motion(steps, _specs(config, height), LEAST_SPREAD_H_S * height)
     profile = learn_profile(steps.states, height)
-    if footage.roi.limit_px is not None:
-        # Wide sizes are for belts whose limit bounds them from below: elsewhere they would take in medium rocks.
+    lumps = isinstance(roi.detector, JdtConfig) and isinstance(config.likelihood, LumpConfig)
+    if lumps or footage.roi.limit_px is not None:
+        # A few lumps show at no row how much the next ones differ: all rows together do.
         profile = with_sizes(profile, steps.states, steps.starts, height)
     fit = fit_likelihood(config, footage, profile, source)
     cells = footage.cells.scaled(1.0 / height) if footage.cells is not None else None

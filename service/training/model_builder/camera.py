@@ -14,6 +14,10 @@ from lumpwatch.service.training.model_builder.stock import Bytes, Ids, Plane
 WIDTH, HEIGHT = 320, 240
 """Of the working picture."""
 _FINE = 2
+_SEVERE = 0.25
+"""How many pictures are taken in any light and weather; the others mostly on an ordinary day."""
+_MILD = 0.35
+"""How often something befalls a picture of an ordinary day, in units of how often it does otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,7 @@ class Shot:
 
 def shoot(belt: Belt, rng: np.random.Generator) -> Shot:
     """The belt from somewhere, in some light and weather."""
+    severity = 1.0 if rng.random() < _SEVERE else _MILD
     view = _view(belt, rng)
     h, w = belt.grey.shape
     fine = (_FINE * WIDTH, _FINE * HEIGHT)
@@ -45,9 +50,9 @@ def shoot(belt: Belt, rng: np.random.Generator) -> Shot:
     ids = np.round(numbers).astype(np.int32) - 2
     limit = _limit_by_row(view, belt.limit)
     picture = picture * inside + _structure(fine, rng) * (1.0 - inside)
-    picture = _light(picture, rng)
-    picture = _weather(picture, rng)
-    picture = _sensor(picture, rng)
+    picture = _light(picture, rng, severity)
+    picture = _weather(picture, rng, severity)
+    picture = _sensor(picture, rng, severity)
     working = cv2.resize(picture, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
     small = cv2.resize(inside, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA) > 0.5
     return Shot(working, np.where(small, ids, 0), small.astype(np.uint8), limit)
@@ -125,11 +130,11 @@ def _structure(size: tuple[int, int], rng: np.random.Generator) -> Plane:
     return wall
 
 
-def _light(picture: Plane, rng: np.random.Generator) -> Plane:
+def _light(picture: Plane, rng: np.random.Generator, severity: float = 1.0) -> Plane:
     h, w = picture.shape
     if rng.random() < 0.7:
-        picture = picture * (1.0 + rng.uniform(0.0, 0.8) * (_smooth((w, h), (3, 4), rng) - 0.5))
-    if rng.random() < 0.25:  # shadows of a structure, sharp or soft
+        picture = picture * (1.0 + severity * rng.uniform(0.0, 0.8) * (_smooth((w, h), (3, 4), rng) - 0.5))
+    if rng.random() < 0.25 * severity:  # shadows of a structure, sharp or soft
         shade = np.ones((h, w), np.float32)
         for _ in range(int(rng.integers(1, 4))):
             angle, middle, half = rng.uniform(0, np.pi), rng.uniform(-0.4, 0.4) * w, rng.uniform(8, 90)
@@ -138,37 +143,37 @@ def _light(picture: Plane, rng: np.random.Generator) -> Plane:
             edge = 1.0 / (1.0 + np.exp(np.clip((along - half) / rng.uniform(1.0, 14.0), -30, 30)))
             shade *= 1.0 - rng.uniform(0.2, 0.7) * edge
         picture = picture * shade
-    if rng.random() < 0.12:  # patches of sun
+    if rng.random() < 0.12 * severity:  # patches of sun
         patch = np.clip((_smooth((w, h), (4, 6), rng) - 0.6) * rng.uniform(4, 30), 0, 1)
         picture = picture * (1.0 + rng.uniform(0.3, 1.0) * patch)
-    if rng.random() < 0.2:  # wet: darker, more contrast
+    if rng.random() < 0.2 * severity:  # wet: darker, more contrast
         wet = np.clip((_smooth((w, h), (3, 5), rng) - 0.4) * rng.uniform(3, 12), 0, 1)
         picture = picture * (1.0 - rng.uniform(0.2, 0.5) * wet)
-    if rng.random() < 0.12:  # a lamp at night
+    if rng.random() < 0.12 * severity:  # a lamp at night
         yy, xx = np.indices((h, w), dtype=np.float32)
         cx, cy = rng.uniform(0.2, 0.8) * w, rng.uniform(0.2, 0.8) * h
         far = ((xx - cx) / (rng.uniform(0.3, 0.8) * w)) ** 2 + ((yy - cy) / (rng.uniform(0.3, 0.8) * h)) ** 2
         picture = picture * (0.15 + rng.uniform(0.7, 1.6) * np.exp(-far))
-    if rng.random() < 0.3:  # another tone curve
+    if rng.random() < 0.3 * severity:  # another tone curve
         level = np.clip(picture, 0, 255) / 255.0
         picture = 255.0 * level ** float(np.exp(rng.normal(0.0, 0.35)))
-    if rng.random() < 0.06:
+    if rng.random() < 0.06 * severity:
         picture = rng.uniform(180, 255) - rng.uniform(0.5, 0.9) * picture
-    gain = float(np.exp(rng.normal(-0.1, 0.3)))
-    if rng.random() < 0.06:
+    gain = float(np.exp(rng.normal(-0.1, 0.3 * severity)))
+    if rng.random() < 0.06 * severity:
         gain *= rng.uniform(1.3, 2.2)  # overexposed
     return np.clip(picture * gain + rng.uniform(-15, 20), 0, 255).astype(np.float32)
 
 
-def _weather(picture: Plane, rng: np.random.Generator) -> Plane:
+def _weather(picture: Plane, rng: np.random.Generator, severity: float = 1.0) -> Plane:
     h, w = picture.shape
-    if rng.random() < 0.4:  # dust or steam
+    if rng.random() < 0.4 * severity:  # dust or steam
         veil = np.clip(_smooth((w, h), (int(rng.integers(2, 6)), int(rng.integers(3, 8))), rng), 0, 1)
         veil *= rng.uniform(0.1, 0.75)
         picture = picture * (1.0 - veil) + rng.uniform(110, 230) * veil
-    if rng.random() < 0.1:  # low contrast everywhere
+    if rng.random() < 0.1 * severity:  # low contrast everywhere
         picture = picture.mean() + rng.uniform(0.25, 0.6) * (picture - picture.mean())
-    if rng.random() < 0.08:  # rain
+    if rng.random() < 0.08 * severity:  # rain
         drops = np.zeros((h, w), np.float32)
         slant = rng.uniform(-0.3, 0.3)
         for _ in range(int(rng.integers(40, 400))):
@@ -181,14 +186,14 @@ def _weather(picture: Plane, rng: np.random.Generator) -> Plane:
                 1,
             )
         picture = picture + 90.0 * cv2.GaussianBlur(drops, (0, 0), 0.8)
-    if rng.random() < 0.08:  # snow
+    if rng.random() < 0.08 * severity:  # snow
         flakes: Plane = np.zeros((h, w), np.float32)
         for _ in range(int(rng.integers(40, 400))):
             centre = int(rng.uniform(0, w)), int(rng.uniform(0, h))
             cv2.circle(flakes, centre, int(rng.integers(1, 5)), float(rng.uniform(0.3, 1.0)), -1)
         flakes = cv2.GaussianBlur(flakes, (0, 0), rng.uniform(0.6, 2.0))
         picture = picture + flakes * (235.0 - picture)
-    if rng.random() < 0.05:  # drops on the lens
+    if rng.random() < 0.05 * severity:  # drops on the lens
         blurred = cv2.GaussianBlur(picture, (0, 0), 7.0)
         wet: Plane = np.zeros((h, w), np.float32)
         for _ in range(int(rng.integers(1, 6))):
@@ -200,11 +205,11 @@ def _weather(picture: Plane, rng: np.random.Generator) -> Plane:
     return picture.astype(np.float32)
 
 
-def _sensor(picture: Plane, rng: np.random.Generator) -> Bytes:
+def _sensor(picture: Plane, rng: np.random.Generator, severity: float = 1.0) -> Bytes:
     h, w = picture.shape
     if rng.random() < 0.5:
-        picture = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 2.2))
-    if rng.random() < 0.15:
+        picture = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 0.8 + 1.4 * severity))
+    if rng.random() < 0.15 * severity:
         n = int(rng.integers(3, 13))
         kernel = np.zeros((n, n), np.float32)
         kernel[:, n // 2] = 1.0 / n
@@ -215,13 +220,15 @@ def _sensor(picture: Plane, rng: np.random.Generator) -> Bytes:
     if rng.random() < 0.3:
         noise = 1.8 * cv2.GaussianBlur(noise, (0, 0), rng.uniform(0.6, 1.4))
     level = (
-        float(np.exp(rng.uniform(np.log(0.5), np.log(9.0)))) if rng.random() < 0.9 else rng.uniform(9.0, 26.0)
+        float(np.exp(rng.uniform(np.log(0.5), np.log(9.0))))
+        if rng.random() < 1.0 - 0.1 * severity
+        else rng.uniform(9.0, 26.0)
     )
     picture = picture + level * noise
     out: Bytes = np.clip(picture, 0, 255).astype(np.uint8)
     if rng.random() < 0.5:
         quality = int(rng.integers(8, 70))
-        if rng.random() < 0.3:  # as a small stream scaled up
+        if rng.random() < 0.3 * severity:  # as a small stream scaled up
             small = cv2.resize(out, (w // 2, h // 2), interpolation=cv2.INTER_AREA)
             out = _coded(small, quality)
             return np.asarray(cv2.resize(out, (w, h), interpolation=cv2.INTER_LINEAR), np.uint8)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
 from lumpwatch.service.training.model_builder.camera import HEIGHT, WIDTH, develop, shoot
+from lumpwatch.service.training.model_builder.faint import without_faint
 from lumpwatch.service.training.model_builder.scene import make_belt
 from lumpwatch.service.training.model_builder.split import Part
 from lumpwatch.service.training.model_builder.stock import Bytes, Ids, Stock, load_stock
@@ -46,7 +47,8 @@ def composites(stock: Stock, seed: int, count: int) -> Iterator[Picture]:
             if len(on_belt) < 5000 or (on_belt > 250).mean() > _MOST_WHITE or on_belt.std() < _LEAST_CONTRAST:
                 continue
             made += 1
-            yield Picture(shot.grey, truth_of(shot.ids), _cells(shot.inside), shot.limit_px)
+            ids = without_faint(shot.grey, shot.ids)
+            yield Picture(shot.grey, truth_of(ids), _cells(shot.inside), shot.limit_px)
 
 
 _LUMPS: dict[str, object] = {

@@ -53,7 +53,10 @@ def make_belt(stock: Stock, rng: np.random.Generator) -> Belt:
     limit = float(np.exp(rng.uniform(np.log(58.0), np.log(150.0))))
     kind = rng.choice(5, p=(0.42, 0.20, 0.20, 0.10, 0.08))
     if kind == 0:
-        belt = quilt(stock, rng, limit * float(np.exp(rng.uniform(np.log(0.0016), np.log(0.0085)))), limit)
+        scale = limit * float(np.exp(rng.uniform(np.log(0.0016), np.log(0.0085))))
+        belt = quilt(stock, rng, scale, limit)
+        if rng.random() < 0.3:
+            mix(belt, quilt(stock, rng, scale * rng.uniform(0.5, 1.5), limit), rng)
     elif kind == 1:  # real ore as it is, its own rocks for lumps
         return quilt(stock, rng, limit * rng.uniform(0.009, 0.019), limit)
     elif kind == 2:  # stones of all sizes side by side
@@ -64,8 +67,35 @@ def make_belt(stock: Stock, rng: np.random.Generator) -> Belt:
         belt = gravel(rng, limit)
     else:
         belt = bare(stock, rng, limit)
+    if rng.random() < 0.4:
+        mottle(belt, rng)
     scatter(belt, stock, rng)
     return belt
+
+
+def mottle(belt: Belt, rng: np.random.Generator) -> None:
+    """Patches of other brightness without outlines: wet, dry, dusty, of other fines. They are no bodies."""
+    depth = rng.uniform(0.08, 0.5)
+    belt.grey *= 1.0 + depth * (_patches(belt.limit, rng) - 0.5)
+
+
+def mix(belt: Belt, other: Belt, rng: np.random.Generator) -> None:
+    """Patches of another ore; where they meet nothing is known of bodies."""
+    share = _patches(belt.limit, rng)
+    belt.grey += share * (other.grey - belt.grey)
+    belt.ids[other.ids > 0] = SOFT
+    belt.ids[(share > 0.15) & (belt.ids > 0)] = SOFT
+
+
+def _patches(limit: float, rng: np.random.Generator) -> Plane:
+    """0 to 1 in patches about as large as bodies, with soft borders."""
+    size = limit * float(np.exp(rng.uniform(np.log(0.15), np.log(1.2))))
+    cells = max(4, int(HEIGHT / size)), max(4, int(WIDTH / size))
+    noise = cv2.resize(
+        rng.standard_normal(cells).astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC
+    )
+    soft = np.tanh((noise - rng.uniform(-0.5, 1.0)) * rng.uniform(0.7, 2.5))
+    return (0.5 + 0.5 * soft).astype(np.float32)
 
 
 def scatter(belt: Belt, stock: Stock, rng: np.random.Generator) -> None:
