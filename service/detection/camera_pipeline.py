@@ -348,25 +348,28 @@ class CameraPipeline:
         return len(region.failures_s) >= _MOST_FAILURES
 
     def _give_way(self, region: _Region) -> None:
-        """The prior in use fails: the one before stands in for it, or the stated defaults, and an alarm says so."""
-        channel, prior, before = region.channel, region.channel.prior, region.before
+        """The prior in use fails: the one before stands in for it, or the stated defaults, and an alarm says so.
+
+        Where neither can be used (some likelihoods need a prior) it stays, and the filter goes on trying.
+        """
+        channel, prior = region.channel, region.channel.prior
         assert prior is not None
-        if before is not None and before.version == prior.version:
-            before = None
-        try:
-            channel.use(before)
-        except Exception:  # it failed as well
-            before = None
+        before = region.before
+        others = [None] if before is None or before.version == prior.version else [before, None]
+        in_its_place = "nothing can stand"
+        for other in others:
             try:
-                channel.use(None)
-            except Exception as error:
-                region.unfit = str(error) or type(error).__name__
+                channel.use(other)
+            except Exception:
+                continue  # this one fails as well
+            in_its_place = "the stated defaults" if other is None else f"version {other.version}"
+            break
         log.error(
             "%s/%s: prior refused: version %d fails in use; %s in its place",
             self._config.id,
             channel.config.id,
             prior.version,
-            "the stated defaults" if before is None else f"version {before.version}",
+            in_its_place,
         )
         region.before = None
         region.failures_s.clear()

@@ -42,7 +42,7 @@ from lumpwatch.service.training.fitting import fit_likelihood
 from lumpwatch.service.training.footage import Footage, TrainingError
 from lumpwatch.service.training.watching import Picture, watch
 
-MARGINS = (0.5, 1.0, 2.0, 3.0, 4.0)
+MARGINS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0)
 """Margins that are tried, ascending."""
 FEW_LUMPS, MOST_WITH_FEW = 8, 2.0
 """Fewer labelled lumps do not show what a margin above that costs."""
