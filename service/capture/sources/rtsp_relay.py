@@ -83,7 +83,7 @@ def offered(place: Place, context: ssl.SSLContext | None, timeout_s: float) -> t
 
 
 class RtspRelay:
-    """Serves one connection of FFmpeg at a time, on a thread of its own."""
+    """Serves one connection of FFmpeg, on a thread of its own."""
 
     def __init__(self, place: Place, context: ssl.SSLContext | None, timeout_s: float) -> None:
         """Listens at once. Raises OSError."""
@@ -114,8 +114,10 @@ class RtspRelay:
                 continue
             except OSError:
                 return
+            self._listener.close()  # for whoever else finds the port
             with contextlib.suppress(OSError, ValueError), player:
                 self._converse(player)
+            return
 
     def _converse(self, player: socket.socket) -> None:
         with connect(self._place, self._context, self._timeout_s) as camera:
