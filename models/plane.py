@@ -239,6 +239,18 @@ def side_of(plane: BeltPlane, points: Array, diameter_mm: float) -> Array:
     return 2.0 * sine * plane.cameras.focal[0] / cosine**1.5 / bent
 
 
+def equivalent_mm(plane: BeltPlane, boxes: Array) -> Array:
+    """Diameter (n,) of the sphere on the belt that covers as much of the picture as each box (n, 4) by its centre, px.
+
+    NaN where no belt is seen, and for a box without area.
+    """
+    chosen = np.zeros(len(boxes), np.intp)
+    radius, _ = _radius(plane, boxes, chosen)
+    direction, _ = _rays(plane, boxes[:, :2], chosen)
+    fit = (direction[:, 2] < -1e-6) & (boxes[:, 2:] > 0).all(axis=1)
+    return np.where(fit, 2.0 * radius, np.nan)
+
+
 def towards_lip(plane: BeltPlane, points: Array) -> tuple[Array, Array]:
     """Distance of the belt behind picture points (n, 2) to the lip (n,), mm, negative beyond it, and its slope.
 

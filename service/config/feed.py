@@ -31,6 +31,10 @@ class FeedConfig(Strict):
     unknown_after_s: PositiveSeconds = 5.0
     """After so long without anything that tells the state it is unknown. Keep it above the distance of key frames: of
     what stands a coder may send nothing between them."""
+    sizes_over_s: PositiveSeconds = 900.0
+    """Visible sizes are a trend over this time: what is as old counts 1 / e."""
+    sizes_from: Annotated[int, Field(ge=1)] = 100
+    """They are told from so many measurements of stones on."""
     signal_tolerance: Unit = 0.25
     """By so large a share the speed that is seen may differ from the plant's signal."""
     signal_for_s: PositiveSeconds = 10.0

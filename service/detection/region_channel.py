@@ -23,6 +23,7 @@ from lumpwatch.service.core import (
     Alarm,
     AlarmClass,
     Detection,
+    FeedState,
     FeedStatus,
     Frame,
     NotCounted,
@@ -36,6 +37,7 @@ from lumpwatch.service.core import (
 from lumpwatch.service.detection.choices import with_choices
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
+from lumpwatch.service.detection.detectors.jdt import JdtDetector
 from lumpwatch.service.detection.detectors.make import make_detector
 from lumpwatch.service.detection.feed_watch import FeedWatch
 from lumpwatch.service.detection.next_lump import NextLump
@@ -43,6 +45,7 @@ from lumpwatch.service.detection.observer import ChannelListener, Unobserved
 from lumpwatch.service.detection.region import make_region
 from lumpwatch.service.detection.sizing import Sizer
 from lumpwatch.service.detection.snapshot import Snapshot
+from lumpwatch.service.detection.visible_sizes import SizeWatch
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior
 
@@ -149,11 +152,15 @@ class RegionChannel:
         self._rides = isinstance(config.detector, JdtConfig) and config.detector.likelihood.kind == "lump"
         self._looks_at_feed = feed
         self._feed: FeedWatch | None = None
+        self._visible: SizeWatch | None = None
 
     @property
     def feed(self) -> FeedStatus:
         """What the feed does, as far as it is looked at."""
-        return FeedStatus() if self._feed is None else self._feed.status
+        if self._feed is None:
+            return FeedStatus()
+        visible = None if self._visible is None else self._visible.sizes
+        return replace(self._feed.status, visible=visible)
 
     def fit(self, width: int, height: int) -> None:
         """Make geometry, sizes and filter for pictures of that size; nothing where they are of that size already.
@@ -178,6 +185,8 @@ class RegionChannel:
                 self._feed = FeedWatch(self.config.feed, calibration, self.geometry, (width, height))
             except ValueError:  # too small a region to tell: its feed stays unknown
                 self._feed = None
+            if calibration is not None and isinstance(detector, JdtDetector):
+                self._visible = SizeWatch(self.config.feed, calibration, (width, height))
 
     def step(
         self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True, may_clear: bool = True
@@ -236,7 +245,8 @@ class RegionChannel:
 
     def close(self) -> None:
         """Let go of the filter; the channel is fit for no picture any more."""
-        self.detector, self._sizer, self.size, self._feed = None, None, None, None
+        self.detector, self._sizer, self.size = None, None, None
+        self._feed = self._visible = None
 
     def snapshot(self) -> Snapshot:
         """All that the next step depends on, but the prior's content."""
@@ -322,6 +332,7 @@ class RegionChannel:
         found = detector.step(gray, colour, dt)
         if self._rides:
             found = found.without(self.pictures.strangers(name, found, time_s), NotCounted.STANDS)
+        self._watch_sizes(detector, quality, time_s)
         if self._sizer is not None:
             found = self._sizer.measure(found, time_s)
         if not isinstance(self.config.detector, JdtConfig):
@@ -355,6 +366,14 @@ class RegionChannel:
                 self.alarm, transition = announce_again(self.alarm, decided_s)
                 return None if transition is None else replace(transition, reason=ANOTHER_LUMP)
         return transition
+
+    def _watch_sizes(self, detector: Detector, quality: PictureQuality, time_s: float) -> None:
+        """What stands would be counted again and again, and what is not seen well is no stone."""
+        if self._visible is None or self._feed is None or not isinstance(detector, JdtDetector):
+            return
+        runs = self._feed.status.state is FeedState.RUNNING
+        if runs and quality.reason is None and not quality.suspect and detector.bodies is not None:
+            self._visible.step(detector.bodies, detector.roi, time_s)
 
     def _as_configured(self, gray: Image) -> Image:
         """The working picture in the configured working size, for measures that are compared with a reference."""

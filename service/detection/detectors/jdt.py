@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lumpwatch.models.jdt.filter import Diagnostics, JdtFilter
 from lumpwatch.models.jdt.multi_object import Appearance, MultiBelief, MultiJdtFilter
 from lumpwatch.models.learning.learned import Learned
 from lumpwatch.models.likelihood import Observation
-from lumpwatch.models.likelihood.lump import Maps
+from lumpwatch.models.likelihood.lump import LumpObservation, Maps
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import VX, VY, Belief, Estimate, H, W, X, Y
 from lumpwatch.models.trackers.appearance import HistogramAppearance
@@ -167,6 +168,9 @@ class JdtDetector:
         self.learns = True  # nothing, from frame to frame
         self._config = config
         self._likelihood = make_likelihood(config, learned, self.roi, maps)
+        self.bodies: NDArray[np.float32] | None = None
+        """What each cell of the last picture says of the body that it lies on (rows, columns, VOTES); see
+        `lumpwatch.models.likelihood.maps`."""
         self._appearance = HistogramAppearance()
         single, rng = make_filter(config, roi, learned), np.random.default_rng(config.seed)
         self._rng = rng
@@ -210,6 +214,7 @@ class JdtDetector:
             dt = DEFAULT_INTERVAL_S
         view = self.roi.view(gray, colour)
         observation = self._likelihood.observe(view, dt)
+        self.bodies = observation.votes if isinstance(observation, LumpObservation) else None
         found, summary = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
         objects = tuple(self._describe(estimate) for estimate in found if estimate.existence > SHOWN_ABOVE)
         return Detection(
