@@ -7,7 +7,8 @@
 # DIR/NAME.pem, DIR/NAME.key  the certificate with common name NAME, which bus.access goes by
 #
 # With hosts it is for a daemon: clients believe it there, and on localhost. Without any it is for a
-# client, and no client will take it for a daemon. DAYS sets how long a new certificate holds (default 825), CA_DAYS the authority (3650).
+# client, and no client will take it for a daemon. URI=urn:lumpwatch:SITE:gateway makes one for the gateway's OPC UA
+# server (RSA, since OPC UA's policies know no other). DAYS sets how long a new certificate holds (default 825), CA_DAYS the authority (3650).
 set -eu
 umask 077
 
@@ -46,11 +47,17 @@ for host in "$@"; do
 done
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-key "$work/key"
+key_usage=digitalSignature
+if [ -n "${URI:-}" ]; then
+    openssl genpkey -quiet -algorithm RSA -pkeyopt rsa_keygen_bits:2048 -out "$work/key"
+    names="URI:$URI${names:+,$names}" key_usage=digitalSignature,nonRepudiation,keyEncipherment,dataEncipherment
+else
+    key "$work/key"
+fi
 openssl req -new -key "$work/key" -subj "/CN=$name" -out "$work/request"
 cat >"$work/extensions" <<EOF
 basicConstraints=critical,CA:FALSE
-keyUsage=critical,digitalSignature
+keyUsage=critical,$key_usage
 extendedKeyUsage=$usage
 ${names:+subjectAltName=$names}
 EOF

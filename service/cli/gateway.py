@@ -21,8 +21,8 @@ def add(commands: Commands) -> None:
         commands,
         "gateway",
         gateway,
-        "Serve the plant's control system by Modbus TCP until told to stop (Ctrl-C or SIGTERM), or print the map "
-        "of what it serves.",
+        "Serve the plant's control system by Modbus TCP, OPC UA and MQTT until told to stop (Ctrl-C or SIGTERM), or "
+        "print the map of what it serves.",
         "lumpwatch gateway site.yaml --map --csv > map.csv",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")

@@ -13,6 +13,7 @@ from lumpwatch.service.config.gateway import (
     GatewayConfig,
     ModbusConfig,
     MqttConfig,
+    OpcUaConfig,
     PlantConfig,
     SparkplugConfig,
 )
@@ -70,6 +71,7 @@ __all__ = [
     "MqttConfig",
     "NetworkConfig",
     "NotNegative",
+    "OpcUaConfig",
     "PlantConfig",
     "Positive",
     "PositiveSeconds",

@@ -122,6 +122,45 @@ class MqttConfig(Strict):
         return self.model_copy(update={"tls": self.tls and self.tls.under(folder)})
 
 
+class OpcUaConfig(Strict):
+    """OPC UA server; needs the extra `opcua`."""
+
+    listen: HostPort = "127.0.0.1:4840"
+    """`host:port` of the server."""
+    certificate: Path | None = None
+    """The server's certificate (RSA, PEM) with the URI `urn:lumpwatch:SITE:gateway`; with it everything is signed and
+    encrypted (Basic256Sha256, Aes256_Sha256_RsaPss), without it nothing is. `certificates.sh` makes it."""
+    key: Path | None = None
+    """Its private key (PEM)."""
+    users: dict[Annotated[str, Field(min_length=1, max_length=64)], SecretStr] = Field(default_factory=dict)
+    """Users with their passwords, as `${VARIABLE}`: they may acknowledge and shelve."""
+    anonymous: bool = True
+    """Whether everyone else may read."""
+
+    @model_validator(mode="after")
+    def _closed(self) -> Self:
+        if (self.certificate is None) != (self.key is None):
+            raise ValueError("certificate and key belong together")
+        host, port = self.address
+        if port == 0:
+            raise ValueError("listen: port 0 cannot be told to clients")
+        if self.certificate is None and not is_loopback(host):
+            raise ValueError("an address that others reach needs certificate and key")
+        return self
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+        return host_and_port(self.listen)
+
+    def under(self, folder: Path) -> OpcUaConfig:
+        """The same with relative paths taken from `folder`."""
+        certificate, key = self.certificate, self.key
+        return self.model_copy(
+            update={"certificate": certificate and folder / certificate, "key": key and folder / key}
+        )
+
+
 class PlantConfig(Strict):
     """What the plant's signals do to alarms while they last, and how long one counts."""
 
@@ -138,6 +177,8 @@ class GatewayConfig(Strict):
 
     modbus: ModbusConfig | None = None
     """Serve Modbus TCP."""
+    opcua: OpcUaConfig | None = None
+    """Serve OPC UA."""
     mqtt: MqttConfig | None = None
     """Publish to an MQTT broker."""
     plant: PlantConfig = PlantConfig()
@@ -161,6 +202,7 @@ class GatewayConfig(Strict):
         return self.model_copy(
             update={
                 "bus_tls": self.bus_tls and self.bus_tls.under(folder),
+                "opcua": self.opcua and self.opcua.under(folder),
                 "mqtt": self.mqtt and self.mqtt.under(folder),
             }
         )

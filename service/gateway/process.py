@@ -14,7 +14,7 @@ from lumpwatch.service.config import BusConfig, SiteConfig
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.gateway.chain import Chain
 from lumpwatch.service.gateway.errors import GatewayError
-from lumpwatch.service.gateway.orders import Orders, by_bus
+from lumpwatch.service.gateway.orders import Ask, Orders, by_bus
 from lumpwatch.service.gateway.register_map import RegisterMap
 from lumpwatch.service.gateway.values import SiteValues
 
@@ -59,8 +59,9 @@ def run_gateway(
 
     What it serves is there at once, whether the bus is or not: its quality is Bad until the regions are heard.
     """
-    if config.gateway.modbus is None and config.gateway.mqtt is None:
-        raise ConfigError("gateway: nothing to serve: expected gateway.modbus or gateway.mqtt")
+    asked = config.gateway
+    if asked.modbus is None and asked.opcua is None and asked.mqtt is None:
+        raise ConfigError("gateway: nothing to serve: expected gateway.modbus, gateway.opcua or gateway.mqtt")
     asyncio.run(_run(config, stop, on_ready))
 
 
@@ -76,7 +77,7 @@ async def _run(config: SiteConfig, stop: threading.Event, on_ready: Callable[[Se
     chain = Chain(config, register_map.regions, on_news=on_news)
     late = _Bus(config, stop)
     orders = Orders(late.ask, config.gateway.plant, config.gateway.actor)
-    served = _servers(config, register_map, orders)
+    served = _servers(config, register_map, orders, late.ask)
     async with contextlib.AsyncExitStack() as stack:
         for name, server in served.items():
             server.set(chain.values())
@@ -97,7 +98,7 @@ async def _run(config: SiteConfig, stop: threading.Event, on_ready: Callable[[Se
                 await asyncio.wait_for(news.wait(), EVERY_S)
 
 
-def _servers(config: SiteConfig, register_map: RegisterMap, orders: Orders) -> dict[str, Server]:
+def _servers(config: SiteConfig, register_map: RegisterMap, orders: Orders, ask: Ask) -> dict[str, Server]:
     """What the configuration asks for; a protocol's library is loaded only there. Raises GatewayError without it."""
     served: dict[str, Server] = {}
     try:
@@ -105,6 +106,11 @@ def _servers(config: SiteConfig, register_map: RegisterMap, orders: Orders) -> d
             from lumpwatch.service.gateway.modbus import ModbusServer
 
             served["modbus"] = ModbusServer(config.gateway.modbus, register_map, orders)
+        if (opcua := config.gateway.opcua) is not None:
+            from lumpwatch.service.gateway.opcua import OpcUaServer
+
+            actor = config.gateway.actor
+            served["opcua"] = OpcUaServer(opcua, config.site, register_map, actor, ask)
         if (mqtt := config.gateway.mqtt) is not None:
             from lumpwatch.service.gateway.mqtt import MqttServer
             from lumpwatch.service.gateway.sparkplug_node import SparkplugNode
@@ -115,8 +121,9 @@ def _servers(config: SiteConfig, register_map: RegisterMap, orders: Orders) -> d
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("lumpwatch"):
             raise
+        extra = "opcua" if error.name.partition(".")[0] == "asyncua" else "gateway"
         raise GatewayError(
-            f"the package {error.name} is missing, which the gateway needs: pip install 'lumpwatch[gateway]'"
+            f"the package {error.name} is missing, which the gateway needs: pip install 'lumpwatch[{extra}]'"
         ) from error
     return served
 

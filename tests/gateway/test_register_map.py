@@ -192,4 +192,6 @@ def test_nothing_to_serve_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[
     file = tmp_path / "site.yaml"
     file.write_text(CONFIG.format(endpoint="tcp/127.0.0.1:7447", gateway="{}"))
     assert main(["gateway", str(file)]) == 2
-    assert "nothing to serve: expected gateway.modbus or gateway.mqtt" in capsys.readouterr().err
+    assert (
+        "nothing to serve: expected gateway.modbus, gateway.opcua or gateway.mqtt" in capsys.readouterr().err
+    )
