@@ -1,4 +1,4 @@
-"""Twenty viewers of a daemon: `python -m tests.console.load CONSOLE_URL BUS_ENDPOINT SECONDS [SITE CAMERA]`.
+"""Twenty viewers of a daemon: `python -m tests.console.load CONSOLE_URL BUS_ENDPOINT SECONDS [SITE CAMERA…]`.
 
 Prints the age of decisions on the bus without and with viewers, each of whom follows the stream and asks for ten
 pictures a second as a page does, and what the console takes of processor and memory meanwhile.
@@ -84,12 +84,15 @@ def listener(port: int) -> int:
 def main() -> None:
     """Measure."""
     url, endpoint, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3])
-    site, camera = sys.argv[4:6] if len(sys.argv) > 5 else ("demo", "crusher-1")
+    site, *cameras = sys.argv[4:] if len(sys.argv) > 5 else ("demo", "crusher-1")
     host = url.partition("://")[2]
     pid = listener(int(host.rpartition(":")[2]))
     for viewers in (0, VIEWERS):
         ends_s, counts = time.monotonic() + seconds, [0]
-        threads = [threading.Thread(target=view, args=(host, camera, ends_s, counts)) for _ in range(viewers)]
+        threads = [
+            threading.Thread(target=view, args=(host, cameras[i % len(cameras)], ends_s, counts))
+            for i in range(viewers)
+        ]
         for thread in threads:
             thread.start()
         used_s, before = process(pid)

@@ -50,6 +50,7 @@ def commission(page: Page, folder: Path) -> None:
         page.click("#suggest")
         page.wait_for_selector("#accept:not([disabled])", timeout=300_000)
         page.wait_for_timeout(1500)
+        page.evaluate("scrollTo(0, 0)")
         save(page, "label")
         while page.is_enabled("#refuse"):
             page.keyboard.press("x")
@@ -71,6 +72,7 @@ def commission(page: Page, folder: Path) -> None:
         page.locator("#jobs tr[data-state=done]", has_text="backtest").wait_for(timeout=300_000)
         page.locator("#jobs tr[data-state=done] a", has_text="backtest").click()
         page.wait_for_selector("#backtest:not([hidden])")
+        page.locator("#backtest").scroll_into_view_if_needed()
         save(page, "backtest")
 
 

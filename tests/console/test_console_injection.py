@@ -82,7 +82,7 @@ def harmless(page: Page) -> None:
         ("training/cam/apron", "#jobs"),
         ("training/cam/apron", "#deeds"),
         ("jobs/20260101T000000000000-0000", "#log"),
-        ("jobs/20260101T000000000000-0000", "#said"),
+        ("jobs/20260101T000000000000-0000", "#why"),
         ("jobs/20260101T000000000000-0000", "h1"),
     ],
 )

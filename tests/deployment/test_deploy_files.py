@@ -122,13 +122,15 @@ def test_a_workload_is_hardened_probed_and_has_what_the_daemon_needs(rendered: l
         assert pod["securityContext"]["runAsNonRoot"] is True
         assert pod["securityContext"]["runAsUser"] == USER
         assert pod["automountServiceAccountToken"] is False
-        (container,) = pod["containers"]
-        assert container["securityContext"] == {
-            "allowPrivilegeEscalation": False,
-            "readOnlyRootFilesystem": True,
-            "capabilities": {"drop": ["ALL"]},
-        }
-        assert container["args"][-1] == str(CONFIG)
+        container = pod["containers"][0]
+        for one in pod["containers"]:
+            assert one["securityContext"] == {
+                "allowPrivilegeEscalation": False,
+                "readOnlyRootFilesystem": True,
+                "capabilities": {"drop": ["ALL"]},
+            }
+            assert one["args"][-1] == str(CONFIG)
+            assert one["resources"]["limits"]["memory"]
         pages = {kind: container[f"{kind}Probe"]["httpGet"] for kind in ("startup", "liveness", "readiness")}
         assert {kind: page["path"] for kind, page in pages.items()} == {
             "startup": "/startupz",
@@ -139,11 +141,44 @@ def test_a_workload_is_hardened_probed_and_has_what_the_daemon_needs(rendered: l
         mounts = {mount["name"]: mount["mountPath"] for mount in container["volumeMounts"]}
         volumes = {volume["name"]: volume for volume in pod["volumes"]}
         claims = {claim["metadata"]["name"] for claim in workload["spec"]["volumeClaimTemplates"]}
-        assert set(mounts) == set(volumes) | claims
+        used = {mount["name"] for one in pod["containers"] for mount in one["volumeMounts"]}
+        assert used == set(volumes) | claims
         assert mounts["store"] == "/var/lib/lumpwatch"
         assert mounts["shm"] == "/dev/shm"
         assert volumes["shm"]["emptyDir"]["medium"] == "Memory"
         assert mib(volumes["shm"]["emptyDir"]["sizeLimit"].replace("i", "")) >= SHARED_MEMORY_MIB
+
+
+def test_the_console_is_beside_one_daemon_with_its_store_and_reached_by_the_ingress_alone(
+    rendered: list[dict[str, Any]],
+) -> None:
+    if shutil.which("kubectl") is None:
+        pytest.skip("kubectl is not installed")
+    found = {
+        one["metadata"]["name"]: {c["name"]: c for c in one["spec"]["template"]["spec"]["containers"]}
+        for one in rendered
+        if one["kind"] == "StatefulSet"
+    }
+    assert [len(found[name]) for name in sorted(found)] == [2, 1]
+    first = found["lumpwatch-crusher-1"]
+    assert first["console"]["args"][0] == "console"
+    assert first["console"]["image"] == first["lumpwatch"]["image"]
+    paths = [{m["name"]: m["mountPath"] for m in c["volumeMounts"]} for c in first.values()]
+    assert paths[0]["store"] == paths[1]["store"]
+    for one in rendered:
+        ours = one["metadata"]["name"] == "lumpwatch-crusher-1"
+        if one["kind"] == "Service":
+            assert ("console" in {port["name"] for port in one["spec"]["ports"]}) is ours
+        elif one["kind"] == "NetworkPolicy":
+            lets_in = [rule for rule in one["spec"]["ingress"] if rule["ports"][0]["port"] == "console"]
+            assert len(lets_in) == ours
+            for rule in lets_in:
+                assert [list(source) for source in rule["from"]] == [["namespaceSelector"]]
+    config = parse_config(
+        (KUBERNETES / "example/crusher-1/site.yaml").read_text(), "site", {"CAM_PASSWORD": "x"}
+    )
+    assert config.console.address == ("0.0.0.0", 8080)
+    assert config.console.users is not None
 
 
 def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None:

@@ -32,7 +32,7 @@ async function results(files) {
 async function load() {
   const told = await call(address);
   say(byId("state"), told.state);
-  say(byId("said"), told.said);
+  say(byId("why"), told.said);
   say(byId("log"), told.log || "nothing yet");
   byId("cancel").hidden = !active(told);
   byId("bar").hidden = told.state !== "running";

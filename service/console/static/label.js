@@ -145,7 +145,7 @@ function drawLanes() {
 
 function row([kind, track]) {
   const [first, last] = span(track);
-  const name = kind === "proposals" ? `proposal ${track.id}, ${(track.existence ?? 0).toFixed(2)}` : `lump ${track.id}`;
+  const name = kind === "proposals" ? `${track.id}? ${(track.existence ?? 0).toFixed(2)}` : `lump ${track.id}`;
   return make("tr", { "aria-selected": String(chosen?.kind === kind && chosen.id === track.id), "data-kind": kind, "data-id": track.id },
     make("td", {}, name), make("td", {}, `${first} to ${last}`), make("td", { class: "number" }, String(track.keys.length)),
     make("td", { class: "actions" }, make("button", { type: "button", "aria-label": `Show ${name}`, onclick: () => choose(kind, track.id) }, "Show"),

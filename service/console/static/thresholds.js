@@ -41,7 +41,7 @@ export class Thresholds {
 
   draw(chosen) {
     const pen = this.canvas.getContext("2d");
-    const [width, height, pad] = [this.canvas.width, this.canvas.height, 60];
+    const [width, height, pad] = [this.canvas.width, this.canvas.height, 84];
     const most = Math.max(1, ...this.points.map((point) => point.false_alarms_per_hour ?? 0));
     const x = (i) => pad + (i / Math.max(1, this.points.length - 1)) * (width - 2 * pad);
     const y = (share) => height - 40 - share * (height - 80);

@@ -1,14 +1,8 @@
 """What an engineer works on from the page: clips and their labels, long work in a queue, priors on trial."""
 
+from lumpwatch.service.console.work.errors import ClipError, LabelConflictError, VideoError
 from lumpwatch.service.console.work.jobs import Job, JobError, Queue
-from lumpwatch.service.console.work.library import (
-    About,
-    ClipError,
-    Kept,
-    LabelConflictError,
-    Library,
-    Recording,
-)
+from lumpwatch.service.console.work.library import About, Kept, Library, Recording
 from lumpwatch.service.console.work.orders import (
     Order,
     OrderError,
@@ -26,7 +20,6 @@ from lumpwatch.service.console.work.trials import (
     references,
     use_reference,
 )
-from lumpwatch.service.console.work.video_frames import VideoError
 from lumpwatch.service.console.work.workshop import Workshop, open_workshop
 
 __all__ = [

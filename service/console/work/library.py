@@ -25,6 +25,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from lumpwatch.service.bus import Bus
+from lumpwatch.service.console.work.errors import ClipError, LabelConflictError
 from lumpwatch.service.console.work.recording import record
 from lumpwatch.service.console.work.tracks import Labels, Track
 from lumpwatch.service.console.work.video_frames import VideoFrames, facts_of
@@ -34,14 +35,6 @@ from lumpwatch.service.storage import replace_file
 _ID = re.compile(r"^\d{8}T\d{6}-[0-9a-f]{6}$")
 _SUFFIXES = (".mp4", ".mkv", ".avi", ".mov", ".webm", ".ts", ".m4v")
 _OPEN = 2
-
-
-class ClipError(LumpwatchError):
-    """A clip cannot be taken or changed; the text says why."""
-
-
-class LabelConflictError(ClipError):
-    """Somebody else has changed the labels meanwhile."""
 
 
 class About(BaseModel):

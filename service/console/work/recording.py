@@ -17,14 +17,10 @@ import av
 from av import FFmpegError
 
 from lumpwatch.service.bus import Bus, BusClosed
-from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.console.work.errors import RecordingError
 
 _QUIET_S = 10.0
 _TICKS = 1000
-
-
-class RecordingError(LumpwatchError):
-    """Nothing could be recorded; the text says why."""
 
 
 def record(

@@ -15,17 +15,13 @@ import cv2
 from av import FFmpegError, VideoFrame
 from av.container import InputContainer
 
-from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.console.work.errors import VideoError
 
 _QUALITY = 90
 _MOST_FRAMES = 200_000
 _MOST_PIXELS = 8192 * 8192
 _AHEAD = 60
 """Frames that are decoded and left out rather than sought past."""
-
-
-class VideoError(LumpwatchError):
-    """A video cannot be used; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
