@@ -85,6 +85,15 @@ def _module(name: str) -> Any:
         ) from error
 
 
+def _one_line(error: LumpwatchError) -> str:
+    """What it says. Where packages of the service are missing, so is what prints it, and the words are our own."""
+    try:
+        from lumpwatch.service.core import printable
+    except ModuleNotFoundError:
+        return str(error)
+    return printable(str(error))
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     use_one_thread()
@@ -96,9 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
     except LumpwatchError as error:
-        from lumpwatch.service.core import printable
-
-        sys.stderr.write(f"lumpwatch: {printable(str(error))}\n")
+        sys.stderr.write(f"lumpwatch: {_one_line(error)}\n")
         return error.exit_code
     except KeyboardInterrupt:
         return 130

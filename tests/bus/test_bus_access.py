@@ -6,7 +6,8 @@ import json
 import shutil
 import subprocess
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import zenoh
 
 from lumpwatch.service.bus.access import INTERNAL, READABLE, access_control
 from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.endpoints import Handler
 from lumpwatch.service.bus.errors import BusError
 from lumpwatch.service.bus.keys import Keys, Kind
 from lumpwatch.service.bus.session import open_client, open_hub
@@ -46,7 +48,7 @@ def make(folder: Path, name: str, *hosts: str) -> TlsConfig:
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> dict[str, TlsConfig]:
     folder = tmp_path_factory.mktemp("certificates")
-    made = {name: make(folder, name) for name in ("anna", "plc", "guest")}
+    made = {name: make(folder, name) for name in ("anna", "plc", "gw", "guest")}
     made["lumpwatch"] = make(folder, "lumpwatch", "localhost")
     stranger = tmp_path_factory.mktemp("stranger")
     return made | {"stranger": make(stranger, "anna")}
@@ -184,6 +186,35 @@ def test_only_operators_acknowledge(
                 assert not [one for one in other.ask(ACK, {"actor": name}, timeout_s=0.5) if one.payload]
                 assert not [one for one in other.ask("lumpwatch/v1/**", timeout_s=0.5) if one.payload]
         assert asked[before:] == []
+
+
+def test_a_gateway_passes_on_and_does_nothing_else(
+    hub: Bus, monitor: Bus, site: dict[str, TlsConfig], endpoint: str
+) -> None:
+    asked: list[str] = []
+
+    def takes(name: str) -> Handler:
+        def take(_: dict[str, str], __: bytes | None) -> bytes:
+            asked.append(name)
+            return b"done"
+
+        return take
+
+    with ExitStack() as stack:
+        for name in ("ack", "shelve", "suppress", "feed", "reset", "service", "verdict"):
+            key = KEYS.command("crusher-1", "apron", name)
+            stack.enter_context(closing(monitor.serve(key, takes(name))))
+        gateway = stack.enter_context(join(endpoint, site["gw"]))
+
+        def ask(name: str) -> bool:
+            key = KEYS.command("crusher-1", "apron", name)
+            return any(one.payload for one in gateway.ask(key, {"actor": "plc"}, timeout_s=0.5))
+
+        for name in ("ack", "shelve", "suppress", "feed"):
+            eventually(partial(ask, name))
+        for name in ("reset", "service", "verdict"):
+            assert not ask(name)
+        assert {"reset", "service", "verdict"}.isdisjoint(asked)
 
 
 def test_nobody_but_a_daemon_answers_for_the_site(

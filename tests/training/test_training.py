@@ -127,7 +127,9 @@ def test_size_and_velocity_by_row_agree_with_the_labels(given: Trained, clip: Cl
         assert np.exp(mean[k, 2:]) == pytest.approx(np.median(size[near], axis=0), rel=0.2)
         assert mean[k, 1] == pytest.approx(np.median(speed[near]), rel=0.2)
         assert (spread[k] > 0).all()
-    assert np.ptp(spread[:, 2:], axis=0) == pytest.approx(0.0)  # pooled: no row knows how much the next ones differ
+    assert np.ptp(spread[:, 2:], axis=0) == pytest.approx(
+        0.0
+    )  # pooled: no row knows how much the next ones differ
     assert (np.diff(mean[:, 1]) > 0).all()  # nearer to the camera everything is larger and faster
     assert (np.diff(mean[:, 2]) > 0).all()
 
