@@ -92,8 +92,10 @@ class OnBelt:
     speed_m_s: Measure
     distance_m: Measure
     """From the object's leading side to the lip, along the lip's normal; negative beyond it."""
+    towards_m_s: Measure
+    """The part of the speed that leads to the lip; negative away from it."""
     lip_s: Measure | None
-    """Seconds until it gets there at this speed; None where it does not move towards the lip."""
+    """Seconds until it gets there at this speed; None where it does not surely move towards the lip."""
 
 
 def fit_plane(
@@ -213,6 +215,7 @@ def measure(plane: BeltPlane, box: Array, velocity: Array, errors: Array) -> OnB
         _measured(2.0 * radius * longer),
         _measured(np.linalg.norm(speed, axis=1)),
         _measured(distance),
+        _measured(towards),
         _measured(distance / towards) if towards[0] > 2.0 * _measured(towards).spread else None,
     )
 
@@ -283,6 +286,23 @@ def ground_of(plane: BeltPlane, points: Array) -> Array:
     area = np.abs(across[:, 0] * along[:, 1] - across[:, 1] * along[:, 0])
     left, _ = towards_lip(plane, points)
     return np.where(np.nan_to_num(left, nan=-1.0) > 0.0, area, 0.0)
+
+
+def on_belt(plane: BeltPlane, points: Array) -> Array:
+    """Places (n, 2) on the belt, mm, behind picture points (n, 2), px; NaN where no belt is seen."""
+    points = points if plane.lens is None else plane.lens.ideal(points)
+    chosen = np.zeros(len(points), np.intp)
+    direction, _ = _rays(plane, points, chosen)
+    return np.where(direction[:, 2:] < -1e-9, _meet(plane, points, chosen, 0.0)[:, :2], np.nan)
+
+
+def to_picture(plane: BeltPlane, places: Array) -> Array:
+    """Picture points (n, 2), px, of places on the belt (n, 2), mm; NaN where they lie behind the camera."""
+    cameras = plane.cameras
+    seen = (np.column_stack([places, np.zeros(len(places))]) - cameras.centre[0]) @ cameras.rotation[0]
+    ahead = np.where(seen[:, 2:] > 1e-9, seen[:, 2:], np.nan)
+    points = cameras.focal[0] * seen[:, :2] / ahead + np.array(plane.middle)
+    return points if plane.lens is None else plane.lens.seen(points)
 
 
 def _measured(values: Array) -> Measure:

@@ -32,6 +32,8 @@ _MODULES = {
     "reference": ("reference",),
     "priors": ("priors",),
     "check": ("check",),
+    "init": ("init",),
+    "snapshot": ("snapshot", "record"),
     "schema": ("schema",),
     "alarms": ("alarms",),
     "operate": ("ack", "reset", "shelve", "unshelve", "service"),

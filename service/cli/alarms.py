@@ -13,7 +13,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from lumpwatch.service.bus import Bus, Keys, open_client
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, stop_on_signals
+from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, stop_on_signals
 from lumpwatch.service.config import BusConfig, load_config
 from lumpwatch.service.core import AlarmClass, AlarmState, printable
 from lumpwatch.service.errors import ConfigError, LumpwatchError
@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--ack", metavar="CAMERA/ROI", help="acknowledge the alarm of this ROI instead of following"
     )
-    parser.add_argument("--actor", default="", metavar="NAME", help="who acknowledges (with --ack)")
+    add_actor(parser, "who acknowledges (with --ack)", required=False)
 
 
 def as_client(bus: BusConfig) -> BusConfig:
@@ -57,7 +57,7 @@ def as_client(bus: BusConfig) -> BusConfig:
 def alarms(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.ack and ("/" not in arguments.ack or not arguments.actor):
-        raise ConfigError("--ack takes CAMERA/ROI and needs --actor NAME")
+        raise ConfigError("--ack takes CAMERA/ROI and needs --by NAME")
     config = load_config(arguments.config)
     chosen = [camera_of(config, arguments.camera)] if arguments.camera else config.cameras
     stop = stop_on_signals()

@@ -147,7 +147,7 @@ def _workers(wanted: int | None) -> int:
 
 def _setup(name: str, path: Path, camera_id: str | None, roi_id: str | None) -> Setup:
     """A configuration with the ROI that is meant and its prior. Raises ConfigError."""
-    config = load_config(path)
+    config = load_config(path, secrets=False)
     try:
         return _chosen(name, config, camera_id, roi_id)
     except ConfigError as error:
@@ -155,19 +155,12 @@ def _setup(name: str, path: Path, camera_id: str | None, roi_id: str | None) -> 
 
 
 def _chosen(name: str, config: SiteConfig, camera_id: str | None, roi_id: str | None) -> Setup:
-    camera_id = camera_id or _only("--camera", [camera.id for camera in config.cameras])
     camera = camera_of(config, camera_id)
-    roi_id = roi_id or _only("--roi", [roi.id for roi in camera.rois])
-    camera = camera.model_copy(update={"rois": (roi_of(camera, roi_id),)})
+    roi = roi_of(camera, roi_id)
+    camera = camera.model_copy(update={"rois": (roi,)})
     check_priors(config.model_copy(update={"cameras": (camera,)}))
     store = PriorStore(config.store.path, config.store.keep_priors)
-    return Setup(name, camera, store.current(camera_id, roi_id).prior)
-
-
-def _only(option: str, ids: list[str]) -> str:
-    if len(ids) > 1:
-        raise ConfigError(f"{option} is needed to choose one of {', '.join(ids)}")
-    return ids[0]
+    return Setup(name, camera, store.current(camera.id, roi.id).prior)
 
 
 def _make_folder(out: Path) -> None:
@@ -194,14 +187,23 @@ def _print(console: Console, result: Result, found: Backtest) -> None:
     chosen = result.recommendation.point
     shown = [p for p in result.points if p.raise_above in _SHOWN or p in (chosen, result.configured)]
     prior = f"prior version {result.setup.prior.version}" if result.setup.prior else "stated defaults"
-    table = Table(title=f"{result.setup.name}: {result.setup.camera.id}/{result.setup.roi.id}, {prior}")
-    for heading in ("raise_above", "announced", "warning (s)", "false an hour", "true", "misplaced"):
-        table.add_column(heading, justify="right")
-    table.add_column("")
+    table = Table(
+        padding=(0, 0), title=f"{result.setup.name}: {result.setup.camera.id}/{result.setup.roi.id}, {prior}"
+    )
+    for heading in (
+        "raise\nabove",
+        "announced\n(95 %)",
+        "warning s\nmid|worst",
+        "false an hour\n(95 %)",
+        "true",
+        "mis-\nplaced",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
     for point in shown:
         marks = [
             word
-            for word, is_it in (("configured", point == result.configured), ("recommended", point == chosen))
+            for word, is_it in (("config.", point == result.configured), ("advised", point == chosen))
             if is_it
         ]
         table.add_row(*_cells(point), ", ".join(marks), style="bold" if point == chosen else "")
@@ -215,22 +217,42 @@ def _cells(point: Point) -> tuple[str, ...]:
     fewest, most = point.false_interval
     announced = "-"
     if point.lumps:
-        announced = f"{point.announced}/{point.lumps} ({low:.0%} - {high:.0%})"
+        announced = f"{point.announced}/{point.lumps} ({100 * low:.0f}-{100 * high:.0f} %)"
     rate = "-"
     if point.false_per_hour is not None:
-        rate = f"{_rate(point.false_per_hour)} ({_rate(fewest)} - {_rate(most)})"
+        rate = f"{_rate(point.false_per_hour)} ({_rate(fewest)}-{_rate(most)})"
     return (
         f"{point.raise_above:g}",
         announced,
-        f"{_seconds(point.warning_median_s)} | {_seconds(point.warning_worst_tenth_s)}",
+        f"{_seconds(point.warning_median_s)}|{_seconds(point.warning_worst_tenth_s)}",
         rate,
         str(point.true_alarms),
         str(point.misplaced_alarms),
     )
 
 
+def _why_none(result: Result, wanted: float) -> str:
+    most = result.recommendation.most_announced
+    return {
+        "no_lumps": "no labelled lump counts in these videos. Give some with lumps; the table holds false alarms "
+        "alone.",
+        "too_many_false": f"none keeps to {wanted:g} false alarms an hour. Train on this footage (--without-lumps), "
+        "raise detector.likelihood.margin, or want less.",
+        "nothing_announced": f"where false alarms keep to {wanted:g} an hour no lump is announced in time; the most "
+        f"at any threshold is {most}. Train on footage like this before choosing one.",
+    }[result.recommendation.reason or "too_many_false"]
+
+
 def _rate(value: float) -> str:
     return f"{value:.2g}" if value < 100 else f"{value:.0f}"
+
+
+def _time(hours: float) -> str:
+    """Hours as people say them."""
+    minutes = round(60 * hours)
+    return (
+        f"{60 * hours:.1f} min" if minutes < 10 else f"{minutes} min" if minutes < 120 else f"{hours:.1f} h"
+    )
 
 
 def _seconds(value: float | None) -> str:
@@ -247,14 +269,14 @@ def _words(result: Result, found: Backtest) -> list[str]:
     outside = sum(video.truth.outside for video in result.judged)
     lost = sum(video.recording.length - len(video.recording.frames) for video in result.judged)
     lines = [
-        f"{found.hours:.2f} hours of footage, {last.quiet_h:.2f} of them without a lump. In brackets: 95 % "
+        f"{_time(found.hours)} of footage, {_time(last.quiet_h)} of it without a lump. In brackets: 95 % "
         f"intervals. Announced: at least {found.terms.least_warning_s:g} s before the lip. Warning: median | "
         "worst tenth, 0 for a lump without any.",
         f"Lip: {by_fall} lumps by the label of the fall, {len(counted) - by_fall} by their last label. Not "
         f"counted: {len(lumps) - len(counted)} lumps cut off by the video, {outside} labelled outside the ROI.",
     ]
     if advice.point is None:
-        lines.append(f"No threshold keeps to {wanted:g} false alarms an hour.")
+        lines.append(f"There is no threshold to recommend: {_why_none(result, wanted)}")
     else:
         lines.append(
             f"Recommended for at most {wanted:g} false alarms an hour: raise_above {advice.point.raise_above:g}, "
@@ -265,7 +287,7 @@ def _words(result: Result, found: Backtest) -> list[str]:
     if advice.point is not None and advice.below_per_hour > wanted:
         lines.append(
             f"The footage is too short to show that rate: {advice.point.false_alarms} false alarms in "
-            f"{last.quiet_h:.2f} hours only prove fewer than {_rate(advice.below_per_hour)} an hour (95 % sure); "
+            f"{_time(last.quiet_h)} only prove fewer than {_rate(advice.below_per_hour)} an hour (95 % sure); "
             f"{wanted:g} takes {advice.needed_h:.0f} hours without any."
         )
     if result.refused:

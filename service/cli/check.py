@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import json
+import sys
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
+import cv2
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.service.cli.common import Commands, add_command
-from lumpwatch.service.config import CalibrationConfig, SiteConfig, load_config
-from lumpwatch.service.detection import make_plane
+from lumpwatch.models.roi import Image
+from lumpwatch.service.capture import look_at
+from lumpwatch.service.cli.common import Commands, add_command, camera_of
+from lumpwatch.service.cli.snapshot import save_picture
+from lumpwatch.service.config import CameraConfig, SiteConfig, load_config
+from lumpwatch.service.core import write_words
+from lumpwatch.service.detection import draw_belt, make_plane, pixels_of, seen_belt
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors, check_simulations
 
@@ -21,58 +31,167 @@ def add(commands: Commands) -> None:
         commands,
         "check",
         check,
-        "Check a configuration and the priors it uses, without starting anything.",
-        "lumpwatch check site.yaml",
+        "Check a configuration, its calibrations and the priors it uses, without starting anything; on request also "
+        "what the cameras send.",
+        "lumpwatch check site.yaml --connect\n  lumpwatch check site.yaml --picture crusher-1.png --out grid.png",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
         "--size",
         type=_size,
         metavar="WxH",
-        help="size of the pictures, such as 1920x1080: says how well each calibration fits them",
+        help="size of the pictures, such as 1920x1080 (default: that of --picture, or 1920x1080)",
     )
+    parser.add_argument(
+        "--camera", metavar="ID", help="of this camera only; with --picture whose picture it is"
+    )
+    parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE",
+        help="still of a camera: draw its polygons and calibrations on it (lumpwatch snapshot saves one)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="where the drawn picture goes (default: FILE-checked.png beside it)",
+    )
+    parser.add_argument(
+        "--connect",
+        action="store_true",
+        help="open each source: size, rate, codec, key frames, clock; with --out a still of one camera goes there",
+    )
+    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
+
+
+@dataclass(slots=True)
+class _Found:
+    """What the check tells."""
+
+    site: str
+    rois: list[dict[str, Any]] = field(default_factory=list)
+    sources: dict[str, dict[str, Any]] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def check(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=arguments.connect)
+    if arguments.camera is not None or arguments.picture is not None:
+        config = config.model_copy(update={"cameras": (camera_of(config, arguments.camera),)})
     check_simulations(config)
-    table = Table(title=f"{config.site}: configuration is valid")
-    for heading in ("camera", "source", "roi", "detector", "prior"):
-        table.add_column(heading)
+    _check_files(config)
     notes = check_priors(config)
+    found = _Found(config.site)
     for camera in config.cameras:
         for roi in camera.rois:
-            table.add_row(
-                camera.id,
-                camera.source.redacted,
-                roi.id,
-                roi.detector.summary,
-                notes[camera.id, roi.id],
+            found.rois.append(
+                {
+                    "camera": camera.id,
+                    "source": camera.source.redacted,
+                    "roi": roi.id,
+                    "detector": roi.detector.summary,
+                    "prior": notes[camera.id, roi.id],
+                }
             )
-    fits = [] if arguments.size is None else _fits(config, *arguments.size)
-    console = Console(markup=False)
-    console.print(table)
-    for line in fits:
-        console.print(line, highlight=False, soft_wrap=True)
+    picture = None if arguments.picture is None else _read(arguments.picture)
+    size = arguments.size or ((1920, 1080) if picture is None else (picture.shape[1], picture.shape[0]))
+    for camera in config.cameras:
+        _calibrations(found, camera, size, stated=arguments.size is not None or picture is not None)
+    if picture is not None:
+        out = arguments.out or arguments.picture.with_name(f"{arguments.picture.stem}-checked.png")
+        _draw(config.cameras[0], picture)
+        save_picture(out, picture)
+        found.lines.append(f"{config.cameras[0].id}: drawn on the picture in {out}")
+    if arguments.connect:
+        _connect(found, config, None if picture is not None else arguments.out)
     if any(note.startswith("none") for note in notes.values()):
-        console.print(
+        found.warnings.append(
             "An untrained region knows lumps in general, not this site's: it finds fewer and raises more false alarms. "
-            "A minute of labels teaches it (lumpwatch train).",
-            highlight=False,
-            soft_wrap=True,
+            "A minute of labels teaches it (lumpwatch train)."
         )
+    _print(found, as_json=arguments.json)
     return 0
 
 
-def _fits(config: SiteConfig, width: int, height: int) -> list[str]:
-    """How well each calibration fits pictures of that size. Raises ConfigError where one does not."""
-    return [
-        _fit(f"{camera.id}/{roi.id}", roi.calibration, width, height)
-        for camera in config.cameras
-        for roi in camera.rois
-        if roi.calibration is not None
-    ]
+def _check_files(config: SiteConfig) -> None:
+    """Raises ConfigError for a source that is a file and is not there."""
+    for camera in config.cameras:
+        if camera.source.kind in ("video", "images") and not camera.source.path.exists():
+            raise ConfigError(f"camera {camera.id}: source {camera.source.path}: no such file or folder")
+
+
+def _calibrations(found: _Found, camera: CameraConfig, size: tuple[int, int], *, stated: bool) -> None:
+    """What each calibration means in pictures of that size. Raises ConfigError where one makes no sense."""
+    for roi, told in zip(camera.rois, (one for one in found.rois if one["camera"] == camera.id), strict=True):
+        if roi.calibration is None:
+            continue
+        place = f"{camera.id}/{roi.id}"
+        try:
+            plane = make_plane(roi.calibration, *size)
+        except ValueError as error:
+            raise ConfigError(f"{place}: {error}") from error
+        view = seen_belt(roi.calibration, plane, *pixels_of(roi.calibration, *size))
+        told["calibration"] = asdict(view)
+        assumed = "" if stated else f" (pictures of {size[0]}x{size[1]} assumed; see --size and --picture)"
+        found.lines.append(f"{place}: {view}{assumed}")
+        found.warnings += [f"{place}: {warning}" for warning in view.warnings]
+
+
+def _draw(camera: CameraConfig, picture: Image) -> None:
+    height, width = picture.shape[:2]
+    for roi in camera.rois:
+        corners = np.array([(x * width, y * height) for x, y in roi.polygon]).round().astype(np.int32)
+        cv2.polylines(
+            picture, [corners], isClosed=True, color=(90, 200, 110), thickness=2, lineType=cv2.LINE_AA
+        )
+        write_words(picture, roi.id, (int(corners[0][0]), int(corners[0][1])), (90, 200, 110))
+        if roi.calibration is not None:
+            plane = make_plane(roi.calibration, width, height)
+            draw_belt(picture, roi.calibration, plane, *pixels_of(roi.calibration, width, height))
+
+
+def _connect(found: _Found, config: SiteConfig, out: Path | None) -> None:
+    """Open each source. Raises SourceError."""
+    if out is not None and len(config.cameras) > 1:
+        raise ConfigError("--out takes the still of one camera: choose it with --camera")
+    for camera in config.cameras:
+        sent, still = look_at(camera)
+        found.sources[camera.id] = asdict(sent)
+        found.lines.append(f"{camera.id}: {sent}")
+        found.warnings += [f"{camera.id}: {warning}" for warning in sent.warnings]
+        if out is not None:
+            save_picture(out, still)
+            found.lines.append(f"{camera.id}: still in {out}")
+
+
+def _print(found: _Found, *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(asdict(found), indent=2) + "\n")
+        return
+    table = Table(title=f"{found.site}: configuration is valid")
+    headings = ("camera", "source", "roi", "detector", "prior")
+    for heading in headings:
+        table.add_column(heading)
+    for told in found.rois:
+        table.add_row(*(told[heading] for heading in headings))
+    console = Console(markup=False)
+    console.print(table)
+    for line in (*found.lines, *found.warnings):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _read(path: Path) -> Image:
+    try:
+        coded = np.frombuffer(path.read_bytes(), np.uint8)
+    except OSError as error:
+        raise ConfigError(f"--picture {path}: cannot be read ({error.strerror})") from error
+    picture = cv2.imdecode(coded, cv2.IMREAD_COLOR) if coded.size else None
+    if picture is None:
+        raise ConfigError(f"--picture {path}: is no picture")
+    return np.asarray(picture, np.uint8)
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -80,14 +199,3 @@ def _size(text: str) -> tuple[int, int]:
     if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
         raise argparse.ArgumentTypeError(f"'{text}' is not WIDTHxHEIGHT in pixels")
     return int(width), int(height)
-
-
-def _fit(place: str, calibration: CalibrationConfig, width: int, height: int) -> str:
-    try:
-        plane = make_plane(calibration, width, height)
-    except ValueError as error:
-        raise ConfigError(f"{place}: {error}") from error
-    return (
-        f"{place}: calibration fits within {plane.missed_px:.1f} px; the camera sees {plane.view_deg:.0f} degrees "
-        f"across and is {plane.cameras.centre[0, 2] / 1000:.1f} m above the belt"
-    )

@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
+from lumpwatch.service.core import seconds_of
 from lumpwatch.service.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -45,8 +46,24 @@ def add_command(
     return added
 
 
-def camera_of(config: SiteConfig, camera_id: str) -> CameraConfig:
-    """The camera of the configuration; raises ConfigError naming those that exist."""
+def duration(text: str) -> float:
+    """Seconds of a span with units, for argparse: 90s, 30m, 1h30m. A number alone is refused."""
+    try:
+        return seconds_of(text)
+    except ConfigError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def add_actor(parser: argparse.ArgumentParser, text: str, *, required: bool) -> None:
+    """Add `--by NAME`; the older `--actor` means the same."""
+    group = parser.add_mutually_exclusive_group(required=required)
+    group.add_argument("--by", dest="actor", default="", metavar="NAME", help=text)
+    group.add_argument("--actor", dest="actor", default="", metavar="NAME", help=argparse.SUPPRESS)
+
+
+def camera_of(config: SiteConfig, camera_id: str | None) -> CameraConfig:
+    """The camera of the configuration, the only one where none is named; raises ConfigError naming those that exist."""
+    camera_id = camera_id or _only("--camera", [camera.id for camera in config.cameras])
     try:
         return config.camera(camera_id)
     except KeyError:
@@ -54,13 +71,20 @@ def camera_of(config: SiteConfig, camera_id: str) -> CameraConfig:
         raise ConfigError(f"--camera {camera_id}: is not in the configuration (has {known})") from None
 
 
-def roi_of(camera: CameraConfig, roi_id: str) -> RoiConfig:
-    """The ROI of the camera; raises ConfigError naming those that exist."""
+def roi_of(camera: CameraConfig, roi_id: str | None) -> RoiConfig:
+    """The ROI of the camera, the only one where none is named; raises ConfigError naming those that exist."""
+    roi_id = roi_id or _only("--roi", [roi.id for roi in camera.rois])
     try:
         return camera.roi(roi_id)
     except KeyError:
         known = ", ".join(roi.id for roi in camera.rois)
         raise ConfigError(f"--roi {roi_id}: camera {camera.id} does not have it (has {known})") from None
+
+
+def _only(option: str, ids: list[str]) -> str:
+    if len(ids) > 1:
+        raise ConfigError(f"{option} is needed to choose one of {', '.join(ids)}")
+    return ids[0]
 
 
 @contextmanager

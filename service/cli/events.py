@@ -50,7 +50,7 @@ def add(commands: Commands) -> None:
 
 def events(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     since_s = None if arguments.since is None else moment(arguments.since, time.time())
     chosen = [camera_of(config, arguments.camera)] if arguments.camera else config.cameras
     files = [event_file(config.store.path, camera.id) for camera in chosen]

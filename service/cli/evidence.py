@@ -62,7 +62,7 @@ def evidence(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"evidence {arguments.what} {'takes no' if arguments.id else 'needs an'} ID")
     if (arguments.what == "fetch") != (arguments.out is not None):
         raise ConfigError("evidence fetch needs --out DIR, and only that does")
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=arguments.bus)
     if not arguments.bus:
         return _from_store(arguments, config)
     with open_client(as_client(config.bus), wait=False) as bus:

@@ -35,7 +35,7 @@ def add(commands: Commands) -> None:
 
 def labels(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     store = EvidenceStore(config.store.path)
     judged: dict[str, tuple[Evidence, Verdict]] = {}
     without = 0

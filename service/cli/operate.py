@@ -14,13 +14,13 @@ from pydantic.fields import FieldInfo
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmClass, AlarmRequestError, seconds_of
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.protocol import COMMANDS, ActReply, Cli, Command, read_request
 
-_WHERE = "--camera crusher-1 --roi apron --actor anna"
+_WHERE = "--camera crusher-1 --roi apron --by anna"
 _SPAN = "_s"
 """What the names of fields with seconds end with; on the command line they are times like 30m, without it."""
 
@@ -36,9 +36,9 @@ def _add(commands: Commands, row: Command, cli: Cli) -> None:
     example = f"lumpwatch {row.name} site.yaml {cli.example.format(where=_WHERE)}"
     parser = add_command(commands, row.name, partial(_ask, row), cli.text, example)
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
-    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
-    parser.add_argument("--actor", required=True, metavar="NAME", help="who does it; it is recorded")
+    parser.add_argument("--camera", metavar="ID", help="camera of the alarm (default: the only one)")
+    parser.add_argument("--roi", metavar="ID", help="ROI of the alarm (default: the only one)")
+    add_actor(parser, "who does it; it is recorded", required=True)
     parser.add_argument(
         "--class",
         dest="alarm_class",

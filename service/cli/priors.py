@@ -42,8 +42,8 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "file", type=Path, nargs="?", metavar="FILE", help="PNG (show) or prior file (export, import)"
     )
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
-    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
+    parser.add_argument("--camera", metavar="ID", help="camera of the prior (default: the only one)")
+    parser.add_argument("--roi", metavar="ID", help="ROI of the prior (default: the only one)")
     parser.add_argument(
         "--version",
         type=int,
@@ -55,7 +55,7 @@ def add(commands: Commands) -> None:
 
 def priors(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     store = PriorStore(config.store.path, config.store.keep_priors)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
 from lumpwatch.service.protocol import Outcome, ProofResult
 
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--camera", metavar="ID", help="this camera only")
     parser.add_argument("--roi", metavar="ID", help="this ROI of the camera only (with --camera)")
-    parser.add_argument("--actor", default="", metavar="NAME", help="who asks; it is recorded")
+    add_actor(parser, "who asks; it is recorded", required=False)
     parser.add_argument("--json", action="store_true", help="print the results as they are, one a line")
 
 

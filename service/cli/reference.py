@@ -38,7 +38,7 @@ def add(commands: Commands) -> None:
         metavar="VIDEO",
         help="recordings by day, in all weathers that are fit",
     )
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the reference")
+    parser.add_argument("--camera", metavar="ID", help="camera of the reference (default: the only one)")
     parser.add_argument(
         "--night", type=Path, nargs="+", default=[], metavar="VIDEO", help="the same by night"
     )
@@ -54,7 +54,7 @@ def add(commands: Commands) -> None:
 
 def reference(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     store = ReferenceStore(config.store.path, config.store.keep_priors)
     if arguments.use is not None:

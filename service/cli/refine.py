@@ -49,13 +49,13 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="a video without labels shows no lump, such as a confirmed false alarm",
     )
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
-    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
+    parser.add_argument("--camera", metavar="ID", help="camera of the prior (default: the only one)")
+    parser.add_argument("--roi", metavar="ID", help="ROI of the prior (default: the only one)")
 
 
 def refine_command(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     only = camera.model_copy(update={"rois": (roi,)})

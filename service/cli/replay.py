@@ -22,6 +22,7 @@ from lumpwatch.service.offline import (
     FrameListener,
     ReplayError,
     ReplayShadow,
+    RoiSummary,
     Summary,
     load_camera,
     replay_evidence,
@@ -55,7 +56,9 @@ def add(commands: Commands) -> None:
         metavar="VIDEO",
         help="video file or folder of images; not with --evidence",
     )
-    parser.add_argument("--camera", metavar="ID", help="camera whose ROIs look at the file")
+    parser.add_argument(
+        "--camera", metavar="ID", help="camera whose ROIs look at the file (default: the only one)"
+    )
     parser.add_argument(
         "--evidence",
         type=Path,
@@ -80,10 +83,10 @@ def replay(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.evidence is not None:
         return _evidence(arguments)
-    missing = [name for name in ("config", "video", "camera") if getattr(arguments, name) is None]
+    missing = [name for name in ("config", "video") if getattr(arguments, name) is None]
     if missing:
-        raise ConfigError(f"replay needs CONFIG, VIDEO and --camera, or --evidence; {missing[0]} is missing")
-    config = load_config(arguments.config)
+        raise ConfigError(f"replay needs CONFIG and VIDEO, or --evidence; {missing[0]} is missing")
+    config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     check_priors(config.model_copy(update={"cameras": (camera,)}))
     store = PriorStore(config.store.path, config.store.keep_priors)
@@ -99,7 +102,7 @@ def replay(arguments: argparse.Namespace) -> int:
         if arguments.shadow is not None:
             shadow = ReplayShadow(camera, store, arguments.shadow)
             listeners.append(shadow.watch)
-        curves = _plot(arguments, listeners)
+        curves = _plot(arguments, camera, listeners)
         _overlay(arguments, camera, stack, listeners)
         summary = run_replay(
             config.site,
@@ -114,7 +117,7 @@ def replay(arguments: argparse.Namespace) -> int:
         )
     if curves is not None:
         curves.save(arguments.out / "existence.png")
-    _print(summary, arguments.out, time.perf_counter() - started)
+    _print(summary, arguments.out, time.perf_counter() - started, reference is not None)
     if shadow is not None:
         shadow.save(arguments.out / "shadow.json")
         for state in shadow.states():
@@ -130,12 +133,12 @@ def _evidence(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     with ExitStack() as stack:
         listeners: list[FrameListener] = []
-        curves = _plot(arguments, listeners)
+        curves = _plot(arguments, load_camera(found), listeners)
         _overlay(arguments, load_camera(found), stack, listeners)
         compared = replay_evidence(found, arguments.out, tuple(listeners))
     if curves is not None:
         curves.save(arguments.out / "existence.png")
-    _print(compared.summary, arguments.out, time.perf_counter() - started)
+    _print(compared.summary, arguments.out, time.perf_counter() - started, reference=True)
     if compared.equal:
         print(f"the same decisions as live on all {compared.frames} frames")  # noqa: T201
         return 0
@@ -146,12 +149,12 @@ def _evidence(arguments: argparse.Namespace) -> int:
     )
 
 
-def _plot(arguments: argparse.Namespace, listeners: list[FrameListener]):  # type: ignore[no-untyped-def]
+def _plot(arguments: argparse.Namespace, camera: CameraConfig, listeners: list[FrameListener]):  # type: ignore[no-untyped-def]
     if not arguments.plot:
         return None
     from lumpwatch.service.offline import ExistenceCurves
 
-    curves = ExistenceCurves()
+    curves = ExistenceCurves({roi.id: roi.alarm.raise_above for roi in camera.rois})
 
     def watch(frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline) -> None:
         curves.add(frame.capture_s, results)
@@ -175,9 +178,21 @@ def _overlay(
     listeners.append(overlay.write)
 
 
-def _print(summary: Summary, out: Path, seconds: float) -> None:
+def _blind(counts: RoiSummary) -> str:
+    """Share of the frames, and of each reason."""
+    frames = max(counts.frames, 1)
+    whole = f"{100 * counts.states['BLIND'] / frames:.1f} %"
+    if not counts.blind:
+        return whole
+    if len(counts.blind) == 1:
+        return f"{whole} {next(iter(counts.blind))}"
+    parts = ", ".join(f"{reason} {100 * many / frames:.1f}" for reason, many in counts.blind.most_common())
+    return f"{whole} ({parts})"
+
+
+def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None:
     table = Table(title=f"{summary.video}: {summary.frames} frames, {summary.duration_s:.1f} s")
-    for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "highest existence", "prior"):
+    for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "most", "prior"):
         table.add_column(heading)
     for roi, counts in summary.rois.items():
         share = {
@@ -186,12 +201,23 @@ def _print(summary: Summary, out: Path, seconds: float) -> None:
         table.add_row(
             roi,
             str(counts.transitions["raised"]),
-            *(share.get(name, "0 %") for name in ("LUMP", "CLEAR", "BLIND")),
+            *(share.get(name, "0 %") for name in ("LUMP", "CLEAR")),
+            _blind(counts),
             f"{counts.highest_existence:.3f}",
-            f"version {counts.prior}" if counts.prior else "stated defaults",
+            str(counts.prior or "none"),
         )
     console = Console(markup=False)
     console.print(table)
+    console.print("most: highest existence; prior: version in use", style="dim")
+    if (
+        any(counts.blind["hidden"] > 0.1 * counts.frames for counts in summary.rois.values())
+        and not reference
+    ):
+        console.print(
+            "BLIND (hidden): without a picture reference even fines on a belt look like a covered lens. Learn one from "
+            "footage of a good picture (lumpwatch reference), then replay again.",
+            highlight=False,
+        )
     console.print(
         f"{summary.frames / max(seconds, 1e-9):.0f} frames a second; results in {out}", highlight=False
     )

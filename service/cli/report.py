@@ -51,7 +51,7 @@ def add(commands: Commands) -> None:
 
 def report(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     now_s = time.time()
     about = report_window(arguments.shift, config.shifts, now_s)
     files = [event_file(config.store.path, camera.id) for camera in config.cameras]

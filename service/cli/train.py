@@ -27,6 +27,7 @@ from lumpwatch.service.training import (
     HISTOGRAM_TRIALS,
     TRIALS,
     Material,
+    Surest,
     Trained,
     Tried,
     Validation,
@@ -74,8 +75,8 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "more", type=Path, nargs="*", metavar="VIDEO LABELS", help="more videos, each with its labels"
     )
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the prior")
-    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the prior")
+    parser.add_argument("--camera", metavar="ID", help="camera of the prior (default: the only one)")
+    parser.add_argument("--roi", metavar="ID", help="ROI of the prior (default: the only one)")
     parser.add_argument(
         "--without-lumps",
         type=Path,
@@ -120,7 +121,7 @@ def add(commands: Commands) -> None:
 def train(arguments: argparse.Namespace) -> int:
     """Run the command."""
     _check(arguments)
-    config = load_config(arguments.config)
+    config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     if arguments.suggest is not None:
@@ -162,8 +163,9 @@ def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraCo
     check_priors(config.model_copy(update={"cameras": (only,)}))
     found = PriorStore(config.store.path, config.store.keep_priors).current(camera.id, roi.id)
     frames, length = read_frames(only, arguments.video)
+    surest = Surest()
     with progress("watching", length) as advance:
-        suggestions = suggest(only, found.prior, frames, advance)
+        suggestions = suggest(only, found.prior, frames, advance, surest)
     sheet = arguments.suggest.with_suffix(".html")
     words = ("lumpwatch", "train", arguments.config, arguments.video, arguments.suggest)
     ids = ",".join(str(suggestion.proposal.id) for suggestion in suggestions)
@@ -174,11 +176,33 @@ def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraCo
     )
     sheet.write_text(page, encoding="utf-8")
     by = f"prior version {found.prior.version}" if found.prior else "the stated defaults"
+    if not suggestions:
+        sys.stdout.write(f"No lump proposed by {by}.\n{_without_proposals(surest, arguments.suggest)}\n")
+        return 0
     sys.stdout.write(
         f"{len(suggestions)} lumps proposed by {by}: {arguments.suggest}, pictures in {sheet}\n"
         "Look at the pictures, then train with --accept and the ids of those that are lumps.\n"
     )
     return 0
+
+
+def _without_proposals(surest: Surest, out: Path) -> str:
+    """What to do when there is nothing to look at."""
+    where = "No frame could be judged: the picture was BLIND throughout. Learn a reference first (lumpwatch reference)."
+    if surest.frame:
+        box = "" if surest.box is None else ", box {} {} {} {} (x y w h)".format(*surest.box)
+        where = (
+            f"The highest existence was {surest.existence:.3f} in frame {surest.frame}, {surest.time_s:.1f} s{box}. "
+            "A lump is proposed from 0.5 on, when it is followed for half a second."
+        )
+    return (
+        f"{where}\n"
+        "If there are lumps in the clip: set detector.likelihood.margin lower (0, then -1) for this, look whether the "
+        "polygon holds where they come, and whether they are 40 pixels wide.\n"
+        f"Or label by hand: a line of {out} is frame,id,x,y,w,h,1,1,1, frames from 1, box in pixels, one id for one "
+        "lump, every frame from when it is half visible until it is gone (CVAT and Label Studio export it as MOT). "
+        "Eight lumps are enough to begin with; then train without --suggest."
+    )
 
 
 def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConfig, roi: RoiConfig) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmRequestError
 from lumpwatch.service.errors import ConfigError
@@ -27,14 +27,14 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "verdict", choices=tuple(verdict.value for verdict in VerdictOutcome), help="what the alarm was"
     )
-    parser.add_argument("--camera", required=True, metavar="ID", help="camera of the alarm")
-    parser.add_argument("--roi", required=True, metavar="ID", help="ROI of the alarm")
+    parser.add_argument("--camera", metavar="ID", help="camera of the alarm (default: the only one)")
+    parser.add_argument("--roi", metavar="ID", help="ROI of the alarm (default: the only one)")
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
         "--alarm", metavar="SEQ|ID", help="a record of the alarm, by its sequence or id (default: the last)"
     )
     which.add_argument("--evidence", metavar="ID", help="the alarm of that evidence")
-    parser.add_argument("--by", required=True, metavar="NAME", help="who says it; it is recorded")
+    add_actor(parser, "who says it; it is recorded", required=True)
     parser.add_argument("--note", default="", metavar="TEXT", help="why")
 
 
@@ -43,7 +43,7 @@ def verdict(arguments: argparse.Namespace) -> int:
     config = load_config(arguments.config)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
-    asked = {"actor": arguments.by, "verdict": arguments.verdict}
+    asked = {"actor": arguments.actor, "verdict": arguments.verdict}
     for name in ("alarm", "evidence", "note"):
         if value := getattr(arguments, name):
             asked[name] = value.rpartition("/")[2] if name == "evidence" else value

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
@@ -14,6 +15,15 @@ PositiveSeconds = Annotated[float, Field(gt=0.0, le=86_400.0)]
 Delay = Annotated[float, Field(ge=0.0, le=3_600.0)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+def kind_or(default: str) -> Callable[[Any], Any]:
+    """Reads the `kind` of a mapping or model, `default` where it has none."""
+
+    def kind(value: Any) -> Any:
+        return value.get("kind", default) if isinstance(value, dict) else getattr(value, "kind", None)
+
+    return kind
 
 
 class Strict(BaseModel):

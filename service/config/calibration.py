@@ -23,6 +23,13 @@ class WidthConfig(Strict):
     view_deg: Annotated[float, Field(gt=5.0, lt=170.0)]
     """The camera's horizontal angle of view, from its data sheet."""
 
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        spans = [(right[0] - left[0], right[1] - left[1]) for left, right in (self.far, self.near)]
+        if spans[0][0] * spans[1][0] + spans[0][1] * spans[1][1] <= 0:
+            raise ValueError("left and right are swapped at one of far and near")
+        return self
+
 
 class LensConfig(Strict):
     """How the lens bends the picture: a point at a share r of half the width from the middle lies (1 + k1 r^2 + k2 r^4)
@@ -54,7 +61,8 @@ class CalibrationConfig(Strict):
     error_px: Positive = 2.0
     """Standard deviation of a point in the picture, pixels."""
     speed_m_s: Positive | None = None
-    """Usual speed of the belt: tells how many frames a second it takes to find a lump on it; left out: `sight` does."""
+    """Usual speed of the belt, give or take a quarter: tells how many frames a second it takes to find a lump, and when
+    one that was just found reaches the lip. Left out: `sight` says the first, the second is `uncertain` at first."""
     limit_mm: Positive | None = None
     """Longest diameter that the crusher takes: the alarm is raised for what is larger; left out: for all lumps."""
 

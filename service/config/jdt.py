@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from lumpwatch.service.config.base import Positive, PositiveSeconds, Probability, Strict
+from lumpwatch.service.config.base import Positive, PositiveSeconds, Probability, Strict, kind_or
 from lumpwatch.service.config.motion import DetectorBase, MotionConfig, MotionEntry, check_names
 
 LUMP_MODELS = (
@@ -26,7 +26,8 @@ class LumpConfig(Strict):
     `train` learned of that, or its default."""
     margin: Annotated[float, Field(ge=-10.0, le=10.0)] | None = None
     """How far a box's log likelihood ratio must lie above zero before it speaks for a lump. More: fewer false alarms,
-    and lumps that hardly show are missed. Left out: that of the prior, or 2."""
+    and lumps that hardly show are missed. Left out: what `train` chose for this region, and 2 where it never was
+    trained."""
     bound: Positive = 3.0
     """Largest log likelihood ratio of one frame, so that a single frame never decides."""
 
@@ -74,7 +75,17 @@ class NetworkConfig(Strict):
         return model if folder is None else folder / model
 
 
-LikelihoodConfig = Annotated[LumpConfig | HistogramConfig | NetworkConfig, Field(discriminator="kind")]
+LikelihoodConfig = Annotated[
+    Annotated[LumpConfig, Tag("lump")]
+    | Annotated[HistogramConfig, Tag("histogram")]
+    | Annotated[NetworkConfig, Tag("network")],
+    Discriminator(
+        kind_or("lump"),
+        custom_error_type="likelihood_kind",
+        custom_error_message="expected a mapping with kind lump, histogram or network",
+    ),
+]
+"""A mapping without a kind is a `lump`."""
 
 
 class ExistenceConfig(Strict):

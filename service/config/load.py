@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent, Event
 
 from lumpwatch.service.config.base import Id
+from lumpwatch.service.config.known_keys import keys_at
 from lumpwatch.service.config.site import SiteConfig
 from lumpwatch.service.errors import ConfigError
 
@@ -24,14 +26,17 @@ _MAX_BYTES = 4 << 20
 _MOST_LEVELS = 50  # a configuration has some ten
 
 
-def load_config(path: Path, environ: Mapping[str, str] = os.environ) -> SiteConfig:
+def load_config(path: Path, environ: Mapping[str, str] = os.environ, *, secrets: bool = True) -> SiteConfig:
     """Read and check the configuration file.
+
+    Work on files opens no camera: without `secrets` variables that are not set may stay so where only a camera, the bus
+    or the console would need them.
 
     Raises ConfigError, one line, for a file that cannot be read, YAML that cannot be parsed, an
     unset variable, or a key that is unknown, missing or wrong.
     """
     text = read_text(path)
-    config = parse_config(text, str(path), environ, path.parent)
+    config = parse_config(text, str(path), environ, path.parent, secrets=secrets)
     store = config.store.model_copy(update={"path": path.parent / config.store.path})
     tls = config.bus.tls.under(path.parent) if config.bus.tls is not None else None
     bus = config.bus.model_copy(update={"tls": tls})
@@ -76,15 +81,20 @@ def site_name(path: Path) -> str:
 
 
 def parse_config(
-    text: str, name: str = "config", environ: Mapping[str, str] = os.environ, folder: Path | None = None
+    text: str,
+    name: str = "config",
+    environ: Mapping[str, str] = os.environ,
+    folder: Path | None = None,
+    *,
+    secrets: bool = True,
 ) -> SiteConfig:
     """Check the configuration in `text`; `name` stands for the file in error messages.
 
-    Relative paths of networks count from `folder`.
+    Relative paths of networks count from `folder`; `secrets` as in `load_config`.
     """
-    secrets: list[str] = []
+    given: list[str] = []
     try:
-        tree = _substitute(_read_yaml(text), "", environ, secrets)
+        tree = _substitute(_read_yaml(text), "", environ, given, secrets)
         return SiteConfig.model_validate(tree, context={"folder": folder})
     except ValidationError as error:
         problem = _first_problem(error)
@@ -92,8 +102,7 @@ def parse_config(
         problem = str(error)
     except UnicodeError:
         problem = "holds characters that are no text (lone surrogates)"
-    for secret in sorted(secrets, key=len, reverse=True):
-        problem = problem.replace(secret, "***")
+    problem = _masked(problem, given)
     problem = problem.encode("utf-8", "backslashreplace").decode()
     # Not chained: the causes carry the configuration, and with it what is secret in it.
     raise ConfigError(f"{name}: {' '.join(problem.split())}") from None
@@ -156,20 +165,41 @@ def _place(error: YAMLError) -> str:
     return f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
 
 
-def _substitute(node: Any, where: str, environ: Mapping[str, str], secrets: list[str]) -> Any:
+def _masked(problem: str, secrets: Iterable[str]) -> str:
+    """The problem without secrets. Short ones are looked for in quotes alone, or every word would be torn apart."""
+    for secret in sorted(secrets, key=len, reverse=True):
+        if len(secret) >= _LEAST_SECRET:
+            problem = problem.replace(secret, "***")
+        else:
+            quoted = {found for found in re.findall(r"'[^']*'", problem) if secret in found}
+            for found in quoted:
+                problem = problem.replace(found, "'***'")
+    return problem
+
+
+_LEAST_SECRET = 4
+_UNSET = "unset"
+_SECRET = re.compile(r"(cameras\[\d+\]\.source|bus|console|telemetry)\b")
+"""Where a variable may be missing when no secret is needed."""
+
+
+def _substitute(node: Any, where: str, environ: Mapping[str, str], secrets: list[str], needed: bool) -> Any:
     """Replace `${VAR}` by the environment, or by the content of the file that `VAR_FILE` names."""
     if isinstance(node, dict):
         return {
-            key: _substitute(value, f"{where}.{key}" if where else str(key), environ, secrets)
+            key: _substitute(value, f"{where}.{key}" if where else str(key), environ, secrets, needed)
             for key, value in node.items()
         }
     if isinstance(node, list):
-        return [_substitute(value, f"{where}[{i}]", environ, secrets) for i, value in enumerate(node)]
+        return [_substitute(value, f"{where}[{i}]", environ, secrets, needed) for i, value in enumerate(node)]
     if not isinstance(node, str):
         return node
 
     def value(match: re.Match[str]) -> str:
-        found = _variable(match.group(1), where, environ)
+        name = match.group(1)
+        if not needed and _SECRET.match(where) and not {name, f"{name}_FILE"} & environ.keys():
+            return _UNSET
+        found = _variable(name, where, environ)
         if found:
             secrets.append(found)
         return found
@@ -188,7 +218,7 @@ def _variable(key: str, where: str, environ: Mapping[str, str]) -> str:
     raise ConfigError(f"{where}: environment variable {key} is not set (nor {key}_FILE)")
 
 
-_KINDS = frozenset({"jdt", "imm_pf", "jpda", "lump", "histogram", "mixture", "statistical"})
+_KINDS = frozenset({"jdt", "imm_pf", "jpda", "lump", "histogram", "mixture", "statistical", "network"})
 """Kinds that pydantic puts into the place of a problem, though no key of the file is called so."""
 
 
@@ -198,6 +228,8 @@ def _first_problem(error: ValidationError) -> str:
     # A list whose entry is wrong is reported as too short as well: only the innermost problems speak.
     holders = {one["loc"][:depth] for one in found_all for depth in range(len(one["loc"]))}
     problems = [one for one in found_all if one["loc"] not in holders]
+    # A key that is written wrongly is also missing: what is there is named first.
+    problems.sort(key=lambda one: one["type"] != "extra_forbidden")
     first = problems[0]
     where = ""
     for part in first["loc"]:
@@ -207,6 +239,8 @@ def _first_problem(error: ValidationError) -> str:
     kind, message = first["type"], str(first["msg"])
     if kind == "extra_forbidden":
         message = "unknown key"
+        if near := get_close_matches(str(first["loc"][-1]), keys_at(first["loc"][:-1]), n=1):
+            message += f"; did you mean {near[0]}?"
     elif kind == "missing":
         message = "missing"
     elif kind == "value_error":

@@ -25,7 +25,15 @@ from lumpwatch.service.core.alarm import (
     unshelve,
     unsuppress,
 )
-from lumpwatch.service.core.annotation import COLOURS, NOT_COUNTED, label_of
+from lumpwatch.service.core.annotation import (
+    COLOURS,
+    NOT_COUNTED,
+    draw_lip,
+    label_object,
+    label_of,
+    state_of,
+    write_words,
+)
 from lumpwatch.service.core.camera_clock import CameraClock
 from lumpwatch.service.core.clock import Clocks, utc
 from lumpwatch.service.core.crop import (
@@ -44,12 +52,18 @@ from lumpwatch.service.core.decision import (
     Blockage,
     BlockedReason,
     Decision,
-    LipReason,
     PictureQuality,
     RoiResult,
     Trouble,
 )
-from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize, NotCounted, Unlocated
+from lumpwatch.service.core.detection import (
+    DetectedObject,
+    Detection,
+    LipReason,
+    LumpSize,
+    NotCounted,
+    Unlocated,
+)
 from lumpwatch.service.core.duration import moment_of, seconds_of
 from lumpwatch.service.core.feed import FeedState, FeedStatus, PlantFeed, VisibleSizes
 from lumpwatch.service.core.frame import Encoding, Frame
@@ -105,7 +119,9 @@ __all__ = [
     "acknowledge",
     "all_of",
     "announce_again",
+    "draw_lip",
     "frame_rate",
+    "label_object",
     "label_of",
     "log_to_stderr",
     "luma_of",
@@ -116,6 +132,7 @@ __all__ = [
     "reset",
     "seconds_of",
     "shelve",
+    "state_of",
     "step_alarm",
     "suppress",
     "take_out",
@@ -128,4 +145,5 @@ __all__ = [
     "whole_frame",
     "working_colour",
     "working_luma",
+    "write_words",
 ]

@@ -101,17 +101,6 @@ class Blockage:
     """Why it counts as blocked; None: it does not."""
 
 
-class LipReason(StrEnum):
-    """Why the seconds until the lip are not known."""
-
-    UNCALIBRATED = "uncalibrated"
-    """The ROI has no calibration."""
-    NO_OBJECT = "no_object"
-    """No object is located."""
-    NOT_MOVING = "not_moving"
-    """No object moves towards the lip, or none lies on the belt."""
-
-
 @dataclass(frozen=True, slots=True)
 class PictureQuality:
     """What is known of a ROI's picture."""

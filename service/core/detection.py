@@ -28,6 +28,19 @@ class Unlocated(StrEnum):
     """A lump is likely there, but at no single place more likely than not."""
 
 
+class LipReason(StrEnum):
+    """Why the seconds until the lip are not known."""
+
+    UNCALIBRATED = "uncalibrated"
+    """The ROI has no calibration."""
+    NO_OBJECT = "no_object"
+    """No object is located."""
+    NOT_MOVING = "not_moving"
+    """No object moves towards the lip, or none lies on the belt."""
+    UNCERTAIN = "uncertain"
+    """An object moves, but how fast is not known well enough yet; `calibration.speed_m_s` helps."""
+
+
 @dataclass(frozen=True, slots=True)
 class LumpSize:
     """An object on a calibrated belt."""
@@ -39,6 +52,8 @@ class LumpSize:
     """Seconds until it reaches the lip; None where it does not move towards it."""
     lip_spread_s: float | None
     """Standard deviation of that."""
+    lip_reason: LipReason | None = None
+    """Why `lip_s` is None."""
     longest_mm: float | None = None
     """Longest diameter; None as long as the object was not seen as a whole."""
     low_mm: float | None = None

@@ -7,16 +7,17 @@ from datetime import UTC, datetime
 
 from lumpwatch.service.errors import ConfigError
 
-_PART = re.compile(r"(\d+(?:\.\d+)?)([smhd]?)")
-_UNITS_S = {"": 1.0, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86_400.0}
+_PART = re.compile(r"(\d+(?:\.\d+)?)(ms|[smhd])")
+_UNITS_S = {"ms": 0.001, "s": 1.0, "m": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
 def seconds_of(text: str) -> float:
-    """A span such as 90s, 30m or 1h30m; raises ConfigError."""
+    """A span such as 90s, 30m or 1h30m; raises ConfigError, also for a number without a unit."""
     parts = _PART.findall(text)
     span_s = sum(float(number) * _UNITS_S[unit] for number, unit in parts)
     if "".join(number + unit for number, unit in parts) != text or not span_s > 0:
-        raise ConfigError(f"'{text}' is not a time such as 90s, 30m or 1h30m")
+        unit = f"; say the unit: {text}s or {text}m" if re.fullmatch(r"\d+(\.\d+)?", text) else ""
+        raise ConfigError(f"'{text}' is not a time such as 90s, 30m or 1h30m{unit}")
     return span_s
 
 

@@ -1,5 +1,6 @@
 """From picture to decision: regions, detectors, picture quality, and the pipeline of one camera."""
 
+from lumpwatch.service.detection.belt_view import draw_belt, pixels_of, seen_belt
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.base import SHOWN_ABOVE, Detector, FilterState
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, make_likelihood, make_profile
@@ -33,6 +34,7 @@ __all__ = [
     "Snapshot",
     "Unobserved",
     "default_likelihood",
+    "draw_belt",
     "make_detector",
     "make_likelihood",
     "make_net",
@@ -40,4 +42,6 @@ __all__ = [
     "make_plane",
     "make_profile",
     "make_region",
+    "pixels_of",
+    "seen_belt",
 ]

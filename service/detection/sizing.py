@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import erf, exp, log, pi, sqrt, tan
+from math import erf, exp, hypot, log, pi, sqrt, tan
 
 import numpy as np
 
 from lumpwatch.models.lens import Lens
-from lumpwatch.models.plane import BeltPlane, OnBelt, fit_plane, measure, rectangle_of_width
+from lumpwatch.models.plane import BeltPlane, Measure, OnBelt, fit_plane, measure, rectangle_of_width
 from lumpwatch.service.config import CalibrationConfig
-from lumpwatch.service.core import DetectedObject, Detection, LumpSize
+from lumpwatch.service.core import DetectedObject, Detection, LipReason, LumpSize
+from lumpwatch.service.detection.belt_view import check_geometry, pixels_of
 from lumpwatch.service.errors import ConfigError
 
 SHAPE_FACTOR = 1.23
@@ -30,6 +31,10 @@ All of these come from simulated lumps, of training seeds."""
 INDEPENDENT_S = 0.5
 MOST_INDEPENDENT = 4
 FORGET_S = 3.0
+BELT_SPREAD = 0.25
+"""Standard deviation of the configured speed of the belt, as a share of it: belts start, stop and slip."""
+STANDS_M_S = 0.05
+"""What surely moves slower than this stands."""
 _INTERVAL_90 = 1.6449
 
 
@@ -59,6 +64,9 @@ class Sizer:
         """
         self._certain = certain
         self._limit = config.limit_mm
+        self._belt = (
+            None if config.speed_m_s is None else Measure(config.speed_m_s, BELT_SPREAD * config.speed_m_s)
+        )
         self._size = (width, height)
         try:
             self._plane = make_plane(config, width, height)
@@ -116,13 +124,36 @@ class Sizer:
             track.variance += (found.longest_mm.spread / found.longest_mm.value) ** 2
         return replace(detected, size=self._size_of(found, track))
 
+    def _lip(self, found: OnBelt) -> tuple[Measure | None, LipReason | None]:
+        """Seconds to the lip, or why they are not known.
+
+        The speed of a lump that was just found is hardly known yet. What it rides on moves at the belt's: where that is
+        configured, both are weighed by their spreads.
+        """
+        if found.lip_s is not None:
+            return found.lip_s, None
+        seen, belt = found.towards_m_s, self._belt
+        if seen.value + 2.0 * seen.spread < STANDS_M_S:
+            return None, LipReason.NOT_MOVING
+        if belt is None or found.distance_m.value <= 0.0:
+            return None, LipReason.UNCERTAIN
+        weights = belt.spread**-2, max(seen.spread, 1e-3) ** -2
+        speed = (weights[0] * belt.value + weights[1] * seen.value) / sum(weights)
+        spread = sum(weights) ** -0.5
+        if speed <= 2.0 * spread:
+            return None, LipReason.UNCERTAIN
+        lip_s = found.distance_m.value / speed
+        share = hypot(found.distance_m.spread / found.distance_m.value, spread / speed)
+        return Measure(lip_s, lip_s * share), None
+
     def _size_of(self, found: OnBelt, track: SizeTrack) -> LumpSize:
-        lip = found.lip_s
+        lip, reason = self._lip(found)
         size = LumpSize(
             speed_m_s=found.speed_m_s.value,
             distance_m=found.distance_m.value,
             lip_s=None if lip is None else lip.value,
             lip_spread_s=None if lip is None else lip.spread,
+            lip_reason=reason,
         )
         if track.frames == 0:
             # Not yet seen whole: it counts, unless it was only seen at the lip, too late for any warning.
@@ -147,18 +178,18 @@ class Sizer:
 
 
 def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
-    """The belt's plane in pictures of that size. Raises ValueError."""
-    size = np.array([width, height], float)
+    """The belt's plane in pictures of that size. Raises ValueError, also for a belt that cannot be."""
+    points, lip = pixels_of(config, width, height)
     lens = None if config.lens is None else Lens(config.lens.k1, config.lens.k2, (width, height))
     if config.width is None:
-        points, places = np.array(config.points) * size, np.array(config.points_mm)
+        places = np.array(config.points_mm)
     else:
-        known = config.width
-        points = np.array([*known.far, *reversed(known.near)]) * size
-        focal = width / 2 / tan(known.view_deg * pi / 360)
+        focal = width / 2 / tan(config.width.view_deg * pi / 360)
         straight = points if lens is None else lens.ideal(points)
-        places = rectangle_of_width(straight, known.width_mm, focal, (width, height))
-    return fit_plane(points, places, config.error_px, (width, height), np.array(config.lip) * size, lens)
+        places = rectangle_of_width(straight, config.width.width_mm, focal, (width, height))
+    plane = fit_plane(points, places, config.error_px, (width, height), lip, lens)
+    check_geometry(config, plane, points, lip)
+    return plane
 
 
 def ride_s(

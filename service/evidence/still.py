@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+
 import cv2
 import numpy as np
 
 from lumpwatch.models.roi import Image
 from lumpwatch.service.config import RoiConfig
-from lumpwatch.service.core import COLOURS, NOT_COUNTED, label_of, to_bgr
+from lumpwatch.service.core import (
+    COLOURS,
+    NOT_COUNTED,
+    draw_lip,
+    label_object,
+    label_of,
+    state_of,
+    to_bgr,
+    write_words,
+)
 from lumpwatch.service.evidence.recorder import Moment, Trigger
 
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 _QUALITY = 88
 _LEAST_WIDTH = 480
 """Small pictures are enlarged to this, so that the text fits."""
@@ -31,17 +41,20 @@ def still(kept: Moment, roi: RoiConfig, trigger: Trigger) -> bytes:
     colour = COLOURS[result.decision]
     corners = np.array([at(x * frame.width, y * frame.height) for x, y in roi.polygon], np.int32)
     cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
+    if roi.calibration is not None:
+        first, last = (at(x * frame.width, y * frame.height) for x, y in roi.calibration.lip)
+        draw_lip(canvas, (first, last))
     for found in result.detection.objects if result.detection else ():
         low = at(found.x, found.y)
         ink = colour if found.counts else NOT_COUNTED
         high = at(found.x + found.w, found.y + found.h)
         cv2.rectangle(canvas, low, high, ink, 2 if found.counts else 1, cv2.LINE_AA)
-        words = f"{label_of(found)} P {found.existence:.2f}"
-        cv2.putText(canvas, words, (low[0], max(low[1] - 7, 12)), _FONT, 0.45, ink, 1, cv2.LINE_AA)
-    text = f"{trigger.alarm_class.value} {trigger.sequence}  {result.decision.value} {result.existence:.3f}"
-    strip = canvas[-22:]
-    strip[:] = strip // 4
-    cv2.putText(canvas, text, (6, canvas.shape[0] - 7), _FONT, 0.45, colour, 1, cv2.LINE_AA)
+        label_object(canvas, label_of(found), low, high, ink)
+    when = f"{datetime.fromtimestamp(frame.wall_s, UTC):%Y-%m-%d %H:%M:%S} UTC"
+    text = (
+        f"{trigger.alarm_class.value} {trigger.sequence}  {state_of(result)} {result.existence:.3f}  {when}"
+    )
+    write_words(canvas, text, (0, canvas.shape[0]), colour)
     done, coded = cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if not done:
         raise ValueError("the still cannot be encoded")

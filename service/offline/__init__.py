@@ -20,7 +20,7 @@ from lumpwatch.service.offline.html import (
 )
 from lumpwatch.service.offline.overlay import OverlayVideo
 from lumpwatch.service.offline.plots import ExistenceCurves, PlotError, draw_prior, new_figure
-from lumpwatch.service.offline.replay import FrameListener, ReplayError, Summary, run_replay
+from lumpwatch.service.offline.replay import FrameListener, ReplayError, RoiSummary, Summary, run_replay
 from lumpwatch.service.offline.shadow_replay import ReplayShadow
 from lumpwatch.service.offline.shift.figures import Figures, shift_figures
 from lumpwatch.service.offline.shift.page import shift_page
@@ -38,6 +38,7 @@ __all__ = [
     "ReplayError",
     "ReplayShadow",
     "Result",
+    "RoiSummary",
     "Setup",
     "Summary",
     "Terms",

@@ -14,19 +14,26 @@ import cv2
 from lumpwatch.models.roi import Image
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-_STYLE = """
+STYLE = """
+:root { color-scheme: light; }
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2733; background: #f4f6f8; margin: 0; }
-main { max-width: 1080px; margin: 0 auto; padding: 24px; }
+main { max-width: 1120px; margin: 0 auto; padding: 24px; }
 section { background: #fff; border: 1px solid #dde3e9; border-radius: 8px; padding: 4px 20px 16px; margin: 16px 0; }
 h1 { font-size: 24px; margin: 8px 0 0; } h2 { font-size: 18px; margin: 14px 0 6px; }
-p.note, figcaption { color: #55636f; } img { max-width: 100%; height: auto; }
+p.note, p.sub, figcaption { color: #55636f; } img { max-width: 100%; height: auto; }
 table { border-collapse: collapse; margin: 8px 0; }
-th, td { text-align: left; padding: 4px 14px 4px 0; border-bottom: 1px solid #e6ebf0; vertical-align: middle; }
-th { font-weight: 600; color: #43505c; }
-.warn { background: #fff6e0; border-color: #e9c46a; } .bad { color: #b3261e; font-weight: 600; }
-.good { color: #1d7a3a; font-weight: 600; }
+th, td { text-align: left; padding: 4px 14px 4px 0; border-bottom: 1px solid #e6ebf0; vertical-align: top; }
+th { font-weight: 600; color: #43505c; } td.n, th.n { text-align: right; }
+.warn { background: #fff6e0; border-color: #e9c46a; } .bad, .false { color: #b3261e; font-weight: 600; }
+.good, .true { color: #1d7a3a; font-weight: 600; }
 .sheet { display: flex; flex-wrap: wrap; gap: 16px; } figure { margin: 0; max-width: 320px; }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 10px; margin: 1.2em 0; }
+.tile { background: #fff; border: 1px solid #dde3e9; border-radius: 8px; padding: .6em .8em; }
+.tile b { display: block; font-size: 1.5em; } .tile span { color: #55636f; font-size: .88em; }
+img.plot { width: 100%; } img.still { max-width: 220px; border-radius: 4px; display: block; }
+@media print { .tile, tr { break-inside: avoid; } }
 """
+"""Of every page that lumpwatch writes."""
 
 
 def html_text(value: object) -> str:
@@ -40,7 +47,7 @@ def html_page(title: str, parts: Iterable[str]) -> str:
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html_text(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<main>\n"
+        f"<title>{html_text(title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
         f"<h1>{html_text(title)}</h1>\n" + "\n".join(parts) + "\n</main>\n</body>\n</html>\n"
     )
 

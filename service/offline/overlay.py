@@ -14,14 +14,25 @@ import numpy as np
 from lumpwatch.models.roi import Image
 from lumpwatch.models.state import Belief, H, W, X, Y
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import COLOURS, NOT_COUNTED, Frame, RoiResult, VideoWriter, label_of, whole_bgr
+from lumpwatch.service.core import (
+    COLOURS,
+    NOT_COUNTED,
+    Frame,
+    RoiResult,
+    VideoWriter,
+    draw_lip,
+    label_object,
+    label_of,
+    state_of,
+    whole_bgr,
+    write_words,
+)
 from lumpwatch.service.detection import CameraPipeline, Detector
 from lumpwatch.service.errors import LumpwatchError
 
 _PARTICLES = ((90, 220, 255), (255, 170, 60), (200, 120, 255), (120, 255, 120))
 _TRACKS = ((60, 60, 235), (90, 200, 90), (235, 120, 50), (90, 220, 255), (200, 120, 255))
 """Of motion models where there are no particles to see; red, green and blue first, as in paper 2."""
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class OverlayVideo:
@@ -33,6 +44,7 @@ class OverlayVideo:
         self._stack = ExitStack()
         self._writer: VideoWriter | None = None
         self._first: tuple[float, Image] | None = None
+        self._began_s: float | None = None
 
     def __enter__(self) -> Self:
         """Raises LumpwatchError at once where the file cannot be written."""
@@ -51,7 +63,10 @@ class OverlayVideo:
 
     def write(self, frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline) -> None:
         """Draw and write one frame."""
-        picture = draw(frame, results, pipeline)
+        self._began_s = frame.capture_s if self._began_s is None else self._began_s
+        picture = draw(frame, results, pipeline, camera=self._camera)
+        words = f"frame {frame.seq + 1}  {frame.capture_s - self._began_s:.2f} s"
+        write_words(picture, words, (8, picture.shape[0] - 8), (255, 255, 255))
         picture = picture[: picture.shape[0] & ~1, : picture.shape[1] & ~1]  # the codec wants even sides
         if self._writer is not None:
             self._writer.write(picture)
@@ -71,10 +86,20 @@ class OverlayVideo:
 
 
 def draw(
-    frame: Frame, results: tuple[RoiResult, ...], pipeline: CameraPipeline, most_particles: int = 400
+    frame: Frame,
+    results: tuple[RoiResult, ...],
+    pipeline: CameraPipeline,
+    most_particles: int = 400,
+    camera: CameraConfig | None = None,
 ) -> Image:
-    """The frame as BGR with polygon, particles coloured by motion model, estimate and existence."""
+    """The frame as BGR with polygon, particles coloured by motion model, estimate and existence, and the
+    lip where `camera` is given.
+    """
     canvas = whole_bgr(frame)
+    for roi in camera.rois if camera is not None else ():
+        if roi.calibration is not None:
+            first, last = ((round(x * frame.width), round(y * frame.height)) for x, y in roi.calibration.lip)
+            draw_lip(canvas, (first, last))
     for row, result in enumerate(results):
         detector = pipeline.detector(result.roi)
         if detector is None:
@@ -92,8 +117,7 @@ def draw(
             high = (round(found.x + found.w), round(found.y + found.h))
             ink = colour if found.counts else NOT_COUNTED
             cv2.rectangle(canvas, low, high, ink, 2 if found.counts else 1, cv2.LINE_AA)
-            label = label_of(found)
-            cv2.putText(canvas, label, (low[0], low[1] - 9), _FONT, 0.5, ink, 1, cv2.LINE_AA)
+            label_object(canvas, label_of(found), low, high, ink)
             if len(found.model_shares) > 1:
                 _draw_shares(
                     canvas, low, high[0] - low[0], [share for _, share in found.model_shares], palette
@@ -129,8 +153,9 @@ def _draw_shares(
 def _draw_bar(canvas: Image, row: int, result: RoiResult, colour: Sequence[int]) -> None:
     """Name, decision and existence of one ROI at the top left."""
     top = 8 + 30 * row
-    cv2.rectangle(canvas, (8, top), (252, top + 24), (30, 30, 30), -1)
+    blue, green, red = colour
+    text = f"{result.roi}: {state_of(result)}  P = {result.existence:.2f}"
+    write_words(canvas, text, (8, top + 20), (blue, green, red))
     width = round(240 * min(max(result.existence, 0.0), 1.0))
-    cv2.rectangle(canvas, (10, top + 19), (10 + width, top + 22), tuple(colour), -1)
-    text = f"{result.roi}: {result.decision.value}  P = {result.existence:.2f}"
-    cv2.putText(canvas, text, (14, top + 14), _FONT, 0.45, tuple(colour), 1, cv2.LINE_AA)
+    cv2.rectangle(canvas, (8, top + 21), (248, top + 25), (30, 30, 30), -1)
+    cv2.rectangle(canvas, (8, top + 21), (8 + width, top + 25), (blue, green, red), -1)

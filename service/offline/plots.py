@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -10,7 +11,7 @@ import numpy as np
 from lumpwatch.models.jdt.density import COMPONENTS, GridDensity
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, conditional
 from lumpwatch.models.state import VY, X, Y, blank
-from lumpwatch.service.core import Decision, RoiResult
+from lumpwatch.service.core import Change, Decision, RoiResult
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior
 
@@ -39,11 +40,15 @@ def save_figure(fig: Any, path: Path | BinaryIO) -> None:
 class ExistenceCurves:
     """Gathers existence and decision of every ROI over a replay."""
 
-    def __init__(self) -> None:
+    def __init__(self, raise_above: Mapping[str, float] | None = None) -> None:
+        """`raise_above` of each ROI is drawn where it is given. Raises PlotError."""
         new_figure(1, 1)  # says at once, not after an hour of replay, that matplotlib is missing
         self._times: dict[str, list[float]] = {}
         self._existence: dict[str, list[float]] = {}
         self._lump: dict[str, list[bool]] = {}
+        self._blind: dict[str, list[str | None]] = {}
+        self._raised: dict[str, list[float]] = {}
+        self._above = dict(raise_above or {})
 
     def add(self, time_s: float, results: tuple[RoiResult, ...]) -> None:
         """The results of one frame."""
@@ -51,26 +56,51 @@ class ExistenceCurves:
             self._times.setdefault(result.roi, []).append(time_s)
             self._existence.setdefault(result.roi, []).append(result.existence)
             self._lump.setdefault(result.roi, []).append(result.decision is Decision.LUMP)
+            blind = result.decision is Decision.BLIND
+            why = None if not blind else "blind" if result.reason is None else result.reason.value
+            self._blind.setdefault(result.roi, []).append(why)
+            raised = self._raised.setdefault(result.roi, [])
+            if result.transition is not None and result.transition.change is Change.RAISED:
+                raised.append(time_s)
 
     def save(self, path: Path) -> None:
-        """One panel a ROI: existence over time, the alarm shaded."""
+        """One panel a ROI: existence over time, LUMP and BLIND shaded, alarms marked."""
         rois = list(self._times)
         fig = new_figure(10, 1.0 + 2.2 * max(len(rois), 1))
         panels = np.atleast_1d(fig.subplots(max(len(rois), 1), 1, sharex=True))
         for panel, roi in zip(panels, rois, strict=False):
             times = np.array(self._times[roi]) - self._times[roi][0]
             panel.fill_between(
-                times, 0, 1, where=self._lump[roi], color="tab:red", alpha=0.15, step="post", label="alarm"
+                times, 0, 1, where=self._lump[roi], color="tab:red", alpha=0.15, step="post", label="LUMP"
             )
+            self._shade_blind(panel, roi, times)
+            for at in self._raised[roi]:
+                panel.plot(
+                    at - self._times[roi][0], 1.0, "v", color="tab:red", ms=7, clip_on=False, label="alarm"
+                )
+            if roi in self._above:
+                panel.axhline(self._above[roi], color="tab:red", lw=0.9, ls="--", label="raise_above")
             panel.plot(times, self._existence[roi], color="tab:blue", lw=1.2, label="P(lump exists)")
-            panel.axhline(0.5, color="0.6", lw=0.8, ls=":")
             panel.set(ylim=(-0.02, 1.02), ylabel="existence", title=roi)
-        handles, names = panels[0].get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside upper right", ncols=2)
+        found: dict[str, Any] = {}
+        for panel in panels:
+            found |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+        fig.legend(found.values(), found.keys(), loc="outside upper center", ncols=6, fontsize="small")
         panels[-1].set_xlabel("time (s)")
         save_figure(fig, path)
 
+    def _shade_blind(self, panel: Any, roi: str, times: Any) -> None:
+        reasons = sorted({why for why in self._blind[roi] if why is not None})
+        for k, reason in enumerate(reasons):
+            where = [why == reason for why in self._blind[roi]]
+            colour = _BLIND[k % len(_BLIND)]
+            label = f"BLIND ({reason})"
+            panel.fill_between(
+                times, 0, 1, where=where, color=colour, alpha=0.35, step="post", label=label, lw=0
+            )
 
+
+_BLIND = ("#8f6bb3", "#e8a33d", "#4f87b8", "#b0885a", "#6aa39b")
 _AXIS = {"row": "row", "column": "column", "vertical_velocity": "vertical velocity"}
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import Clocks, Frame, RoiResult
+from lumpwatch.service.core import Clocks, Decision, Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline, CameraQuality, Unobserved
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import alarm_event, feed_of, state_line
@@ -32,6 +32,8 @@ class RoiSummary:
     frames: int = 0
     states: Counter[str] = field(default_factory=Counter)
     feed: Counter[str] = field(default_factory=Counter)
+    blind: Counter[str] = field(default_factory=Counter)
+    """Frames in which it was BLIND, by reason."""
     transitions: Counter[str] = field(default_factory=Counter)
     highest_existence: float = 0.0
     prior: int = 0
@@ -56,6 +58,7 @@ class Summary:
                 "frames": counts.frames,
                 "states": dict(sorted(counts.states.items())),
                 "feed": dict(sorted(counts.feed.items())),
+                "blind": dict(sorted(counts.blind.items())),
                 "alarms": dict(sorted(counts.transitions.items())),
                 "highest_existence": round(counts.highest_existence, 6),
                 "prior": counts.prior,
@@ -166,6 +169,8 @@ def _add(counts: RoiSummary, result: RoiResult) -> None:
     counts.states[result.decision.value] += 1
     if (feed := feed_of(result)) is not None:
         counts.feed[feed.state.value] += 1
+    if result.decision is Decision.BLIND and result.reason is not None:
+        counts.blind[result.reason.value] += 1
     counts.highest_existence = max(counts.highest_existence, result.existence)
     counts.prior = result.prior
     if result.transition is not None:

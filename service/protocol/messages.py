@@ -160,6 +160,8 @@ class StateLine(Record):
     """What the feed does; null where it is not looked at."""
     blockage: BlockageRecord | None = None
     """What the mouth looks like; null for a region that watches a belt."""
+    reason: BlindReason | None = None
+    """Why the ROI is BLIND; null in any other state."""
 
 
 class Timing(Record):
@@ -204,8 +206,6 @@ class StateMessage(StateLine):
     """State of each class of alarm."""
     sequence: int = 0
     """Sequence of the ROI's last alarm record; 0: there was none."""
-    reason: BlindReason | None = None
-    """Why the ROI is BLIND."""
     timing: Timing | None = None
     """None where no frame has come yet."""
     prior: int = 0

@@ -144,7 +144,10 @@ def lip_reason(result: RoiResult) -> LipReason | None:
     detection = result.detection
     if detection is None or (not detection.counted and detection.oversize is not None):
         return LipReason.NO_OBJECT
-    return LipReason.UNCALIBRATED if detection.oversize is None else LipReason.NOT_MOVING
+    if detection.oversize is None:
+        return LipReason.UNCALIBRATED
+    reasons = {found.size.lip_reason for found in detection.counted if found.size is not None}
+    return LipReason.UNCERTAIN if LipReason.UNCERTAIN in reasons else LipReason.NOT_MOVING
 
 
 def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
@@ -155,6 +158,7 @@ def state_line(result: RoiResult, camera: str, start_s: float) -> StateLine:
         camera=camera,
         roi=result.roi,
         state=result.decision,
+        reason=result.reason if result.decision is Decision.BLIND else None,
         existence=round(result.existence, 6),
         oversize=oversize(result),
         objects=objects_of(result),

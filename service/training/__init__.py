@@ -11,7 +11,7 @@ from lumpwatch.service.training.label_proposals import accept_proposals, parse_i
 from lumpwatch.service.training.learner import Trained, learn, tempered, with_choices_of
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
 from lumpwatch.service.training.proposal_sheet import contact_sheet
-from lumpwatch.service.training.proposing import suggest
+from lumpwatch.service.training.proposing import Surest, suggest
 from lumpwatch.service.training.refining import ConfirmedClip, recorded_clip, refine
 from lumpwatch.service.training.report import training_report
 from lumpwatch.service.training.sources import missing_sources, sources_text
@@ -25,6 +25,7 @@ __all__ = [
     "ConfirmedClip",
     "Material",
     "Recording",
+    "Surest",
     "Trained",
     "Tried",
     "Validation",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lumpwatch.models.evaluation import overlaps
 from lumpwatch.models.roi import Image
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import DetectedObject, Frame, whole_bgr
+from lumpwatch.service.core import DetectedObject, Frame, RoiResult, whole_bgr
 from lumpwatch.service.detection import CameraPipeline
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior
@@ -42,6 +42,18 @@ class Suggestion:
     picture: Image
     first_s: float
     last_s: float
+
+
+@dataclass(slots=True)
+class Surest:
+    """Where existence was highest, whether anything was proposed there or not."""
+
+    existence: float = 0.0
+    frame: int = 0
+    """From 1."""
+    time_s: float = 0.0
+    box: tuple[int, int, int, int] | None = None
+    """x, y, w, h in pixels; None where nothing was located."""
 
 
 @dataclass(slots=True)
@@ -72,8 +84,12 @@ def suggest(
     prior: Prior | None,
     frames: Iterable[Frame],
     advance: Callable[[int], None] = lambda _: None,
+    surest: Surest | None = None,
 ) -> list[Suggestion]:
-    """Proposals for the only ROI of `camera`, in the order in which they appear. Raises LumpwatchError."""
+    """Proposals for the only ROI of `camera`, in the order in which they appear. Raises LumpwatchError.
+
+    `surest` is told where existence was highest.
+    """
     roi = camera.rois[0]
     pipeline = CameraPipeline(camera, {roi.id: prior})
     pieces: dict[int, _Piece] = {}
@@ -83,6 +99,8 @@ def suggest(
         results = pipeline.process(frame, frame.received_s)
         pipeline.check_fit()
         for result in results:
+            if surest is not None:
+                _look(surest, result, frame, times)
             for found in result.detection.counted if result.detection else ():
                 _add(pieces, found, frame)
         advance(len(times))
@@ -98,6 +116,15 @@ def suggest(
         _suggestion(number, piece, np.array(times), low, high)
         for number, piece in enumerate(lasting, start=1)
     ]
+
+
+def _look(surest: Surest, result: RoiResult, frame: Frame, times: list[float]) -> None:
+    if result.existence <= surest.existence:
+        return
+    surest.existence, surest.frame, surest.time_s = result.existence, frame.seq + 1, times[-1] - times[0]
+    objects = result.detection.objects if result.detection else ()
+    best = max(objects, key=lambda one: one.existence, default=None)
+    surest.box = None if best is None else (round(best.x), round(best.y), round(best.w), round(best.h))
 
 
 def _add(pieces: dict[int, _Piece], found: DetectedObject, frame: Frame) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lumpwatch.models.learning.learned import Learned, LumpFit
+from lumpwatch.models.learning.validation import Bin
 from lumpwatch.models.likelihood.lump import FEATURES, WEIGHTS
 from lumpwatch.service.config import JdtConfig, LumpConfig, NetworkConfig, RoiConfig
 from lumpwatch.service.offline import (
@@ -33,6 +34,8 @@ from lumpwatch.service.training.report_pictures import (
 )
 
 MOST_MOMENTS = 6
+CLOSE, FAR = 0.05, 0.15
+"""Mean absolute deviation from the diagonal up to which a likelihood is trusted, and beyond which it is not."""
 
 _WORDS = {
     "body": "lies on a body with an outline",
@@ -121,7 +124,7 @@ def _validation(material: Material, validation: Validation | None) -> str:
         *[_moment(material, held) for held in validation.hardest[:MOST_MOMENTS]],
         "</div>",
         "<h2>Reliability on held-out pictures</h2>",
-        html_paragraph(_reliable(validation)),
+        html_paragraph(reliable(validation.bins)),
         html_picture(reliability_png(validation.bins), "predicted probability against observed share"),
     ]
     return html_section(title, parts)
@@ -176,23 +179,26 @@ def _moment(material: Material, held: HeldOut) -> str:
     return html_figure(html_photo(moment_bgr(material, held, judged), caption), caption)
 
 
-def _reliable(validation: Validation) -> str:
+def reliable(bins: Sequence[Bin]) -> str:
     """In words: whether the likelihood claims too much or too little."""
-    objects = sum(group.objects for group in validation.bins)
-    background = sum(group.background for group in validation.bins)
-    weights = [group.objects / objects + group.background / background for group in validation.bins]
-    lean = sum(
-        weight * (group.observed - group.predicted)
-        for weight, group in zip(weights, validation.bins, strict=True)
-    ) / sum(weights)
+    objects = sum(group.objects for group in bins)
+    background = sum(group.background for group in bins)
+    weights = [group.objects / objects + group.background / background for group in bins]
+    off = [group.observed - group.predicted for group in bins]
+    # Bins that claim too much and bins that claim too little must not make up for each other.
+    away = sum(w * abs(one) for w, one in zip(weights, off, strict=True)) / sum(weights)
+    lean = sum(w * one for w, one in zip(weights, off, strict=True)) / sum(weights)
     words = (
         "Held-out lumps, and of each of their pictures the box without a lump that looks most like one. "
         "A likelihood that can be trusted lies on the dashed line. "
     )
-    if abs(lean) < 0.05:
-        return words + "This one is close to it."
-    more, less = ("more", "less") if lean > 0 else ("less", "more")
-    return words + f"Boxes hold a lump {more} often than this one says: it claims {less} than it may."
+    if away < CLOSE:
+        return words + f"Verdict: it can be trusted; on average it is {away:.0%} off."
+    verdict = "use it with care" if away < FAR else "do not read it as a probability"
+    how = "in some places too much and in others too little"
+    if abs(lean) > 0.7 * away:
+        how = "less than it may" if lean > 0 else "more than it may"
+    return words + f"Verdict: {verdict}; on average it is {away:.0%} off and claims {how}."
 
 
 def _motion(prior: Prior, material: Material) -> str:

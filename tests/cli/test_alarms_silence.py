@@ -10,7 +10,7 @@ from tests.bus.test_bus_support import eventually
 from tests.console.plant import CONFIG, Plant
 from tests.integration.site import LUMPWATCH
 
-WITHIN_S = 15.0
+WITHIN_S = 40.0  # of a machine that does other things too
 
 
 def test_silence_is_told_and_its_end_and_ends_a_script_that_asks_for_it(tmp_path: Path) -> None:

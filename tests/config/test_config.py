@@ -304,7 +304,7 @@ def test_area_of_a_polygon() -> None:
         (site_tree(models=["warp"]), "cameras[0].rois[0].detector.models[0].kind", "'warp'"),
         (site_tree(models=["bounce", "bounce"]), "cameras[0].rois[0].detector", "'bounce' is given more"),
         (site_tree(size_h=[0.4, 0.2]), "cameras[0].rois[0].detector", "size_h must be"),
-        (site_tree(likelihood={"kind": "magic"}), "cameras[0].rois[0].detector.likelihood", "'lump'"),
+        (site_tree(likelihood={"kind": "magic"}), "cameras[0].rois[0].detector.likelihood", "kind lump"),
         (
             site_tree(models=[{"kind": "bounce", "acceleration_h_s2": [0, 1]}]),
             "cameras[0].rois[0].detector.models[0]",

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lumpwatch.models.plane import Measure, OnBelt
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.config.calibration import CalibrationConfig
-from lumpwatch.service.core.detection import DetectedObject, Detection, LumpSize
+from lumpwatch.service.core.detection import DetectedObject, Detection, LipReason, LumpSize
 from lumpwatch.service.detection.sizing import (
     MOST_INDEPENDENT,
     SETTLING_SPREAD,
@@ -224,3 +225,44 @@ def test_points_on_a_line_are_refused_with_the_first_frame() -> None:
     line = calibration(points=[(0.1, 0.5), (0.3, 0.5), (0.6, 0.5), (0.9, 0.5)])
     with pytest.raises(ConfigError, match="one line"):
         Sizer(line, WIDTH, HEIGHT)
+
+
+# Seconds to the lip
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "towards", "expected"),
+    [
+        # Surely moving: as it is seen.
+        (None, Measure(0.6, 0.1), (5.0, None)),
+        # Hardly known yet: weighed with the belt's 0.5 m/s, give or take a quarter.
+        (0.5, Measure(0.62, 0.35), (3.0 / 0.5136, None)),
+        (None, Measure(0.62, 0.35), (None, LipReason.UNCERTAIN)),
+        # It stands, or runs back: the belt's speed does not help.
+        (0.5, Measure(0.0, 0.01), (None, LipReason.NOT_MOVING)),
+        (0.5, Measure(-0.4, 0.1), (None, LipReason.NOT_MOVING)),
+    ],
+)
+def test_what_is_known_of_the_belt_tells_when_a_lump_just_found_arrives(
+    speed_m_s: float | None, towards: Measure, expected: tuple[float | None, LipReason | None]
+) -> None:
+    config = CalibrationConfig.model_validate(
+        {
+            "points": [[0.32, 0.20], [0.68, 0.20], [0.84, 0.70], [0.16, 0.70]],
+            "points_mm": [[0, 0], [2400, 0], [2400, 5000], [0, 5000]],
+            "lip": [[0.15, 0.77], [0.85, 0.77]],
+            "speed_m_s": speed_m_s,
+            "error_px": 4.0,
+        }
+    )
+    lip = Measure(3.0 / towards.value, 0.5) if towards.value > 2 * towards.spread else None
+    one = Measure(500.0, 10.0)
+    found = OnBelt(one, one, Measure(abs(towards.value), towards.spread), Measure(3.0, 0.1), towards, lip)
+    lip_found, reason = Sizer(config, 1920, 1080)._lip(found)
+    assert reason is expected[1]
+    if expected[0] is None:
+        assert lip_found is None
+    else:
+        assert lip_found is not None
+        assert lip_found.value == pytest.approx(expected[0], rel=1e-3)
+        assert lip_found.spread > 0.1

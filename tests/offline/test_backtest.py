@@ -320,8 +320,8 @@ def test_the_recommended_threshold_is_the_lowest_without_too_many_false_alarms()
         2 if p.raise_above < 0.7 else int(p.raise_above < 0.97) for p in points
     ]
     advice = recommend(points, Terms())
-    assert advice.point is not None
-    assert (advice.point.raise_above, advice.point.announced, advice.most_announced) == (0.97, 0, 1)
+    # From 0.97 on there is no false alarm, and nothing else either: that is nothing to recommend.
+    assert (advice.point, advice.reason, advice.most_announced) == (None, "nothing_announced", 1)
     # Nothing in 5 s shows less than 3 in 5 s; 0.1 an hour takes 30 hours.
     assert advice.below_per_hour == pytest.approx(2.9957 / 5.0 * 3600, rel=1e-4)
     assert advice.needed_h == pytest.approx(29.957, rel=1e-4)
@@ -341,7 +341,10 @@ def test_an_alarm_that_stands_at_low_thresholds_is_not_recommended() -> None:
     points = curve([VideoRecord("a", one, truth(one))], config, terms)
     counts = {p.raise_above: p.false_alarms for p in points}
     assert (counts[0.5], counts[0.8], counts[0.85]) == (1, 5, 0)
-    advice = recommend(points, terms)
+    assert recommend(points, terms).reason == "no_lumps"
+    seen = recording(existence((30, 50)), {range(30, 50): [LUMP]})
+    lump = VideoRecord("b", seen, truth(seen, track(20, 59, fall=50)))
+    advice = recommend(curve([VideoRecord("a", one, truth(one)), lump], config, terms), terms)
     assert advice.point is not None
     assert advice.point.raise_above == 0.85
 
@@ -350,7 +353,7 @@ def test_nothing_is_recommended_where_every_threshold_gives_too_many() -> None:
     one = recording(existence((30, 50), level=1.0))
     points = curve([VideoRecord("a", one, truth(one))], ALARM, Terms())
     advice = recommend(points, Terms())
-    assert advice.point is None
+    assert (advice.point, advice.reason) == (None, "no_lumps")
     assert advice.below_per_hour == pytest.approx(4.7439 / 10.0 * 3600, rel=1e-4)
 
 

@@ -309,7 +309,7 @@ def test_the_command_gives_the_same_bytes_whatever_the_number_of_workers(
     assert written[0] == written[1]
     told, _ = capsys.readouterr()
     assert "site.yaml: cam/apron, prior version 1" in told
-    assert "1/1 (3% - 100%)" in told
+    assert "1/1 (3-100 %)" in told
     assert "Recommended for at most 0.1 false alarms an hour: raise_above" in told
     assert "0.1 takes 30 hours without any" in " ".join(told.split())
     assert cv2.imread(str(tmp_path / "2" / "backtest.png")) is not None

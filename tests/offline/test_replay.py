@@ -61,7 +61,7 @@ def test_states_have_the_fields_of_the_contract(out: Path) -> None:
     assert {(one["camera"], one["roi"]) for one in states} == {("cam", "apron")}
     assert {one["state"] for one in states} == {"CLEAR", "LUMP"}
     contract = ["frame", "time_s", "camera", "roi", "state", "existence", "objects"]
-    assert list(states[0]) == [*contract, "oversize", "unlocated", "feed", "blockage"]
+    assert list(states[0]) == [*contract, "oversize", "unlocated", "feed", "blockage", "reason"]
     seen = [one["objects"][0] for one in states if one["objects"]]
     assert len(seen) > 10
     assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(seen[0])
@@ -100,6 +100,7 @@ def test_the_summary_counts_what_the_files_hold(out: Path) -> None:
             "apron": {
                 "frames": FRAMES,
                 "states": {name: sum(one["state"] == name for one in states) for name in ("CLEAR", "LUMP")},
+                "blind": {},
                 "alarms": {"cleared": 1, "raised": 1},
                 "feed": dict(sorted(Counter(one["feed"]["state"] for one in states).items())),
                 "highest_existence": max(one["existence"] for one in states),

@@ -282,6 +282,7 @@ def test_a_state_line_has_the_fields_of_the_contract() -> None:
         "unlocated",
         "feed",
         "blockage",
+        "reason",
     } == set(line)
     assert (line["frame"], line["time_s"], line["state"]) == (42, 10.0, "LUMP")
     assert {"x", "y", "w", "h", "existence", "model", "id"} <= set(line["objects"][0])

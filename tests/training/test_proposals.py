@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lumpwatch.service.cli.train import _without_proposals
 from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.errors import ConfigError, LumpwatchError
@@ -18,7 +19,7 @@ from lumpwatch.service.training.label_proposals import (
     parse_ids,
     to_text,
 )
-from lumpwatch.service.training.proposing import AFTER_S, BEFORE_S, suggest
+from lumpwatch.service.training.proposing import AFTER_S, BEFORE_S, Surest, suggest
 from tests.service_helpers import HEIGHT, INTERVAL_S, WIDTH, camera, frame, prior
 
 
@@ -160,3 +161,11 @@ def test_nothing_is_proposed_where_nothing_is(watching: CameraConfig) -> None:
 def test_a_video_without_frames(watching: CameraConfig) -> None:
     with pytest.raises(LumpwatchError, match="fewer than two frames"):
         suggest(watching, prior(), [frame(0)])
+
+
+def test_without_a_proposal_it_is_said_where_existence_was_highest_and_how_to_go_on() -> None:
+    told = _without_proposals(Surest(0.31, 42, 2.8, (10, 20, 30, 40)), Path("gt.txt"))
+    assert "highest existence was 0.310 in frame 42, 2.8 s, box 10 20 30 40" in told
+    assert "margin lower" in told
+    assert "gt.txt is frame,id,x,y,w,h" in told
+    assert "lumpwatch reference" in _without_proposals(Surest(), Path("gt.txt"))

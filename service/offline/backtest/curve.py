@@ -102,7 +102,9 @@ class Recommendation:
     """The threshold for a wanted rate of false alarms."""
 
     point: Point | None
-    """None where no threshold keeps to the rate."""
+    """None where no threshold keeps to the rate, or none of those that do announces a lump."""
+    reason: str | None
+    """Why there is none: `no_lumps`, `too_many_false` or `nothing_announced`."""
     below_per_hour: float
     """What the rate at the recommended (or else the highest) threshold stays below, 95 % sure."""
     needed_h: float
@@ -166,12 +168,20 @@ def curve(judged: Sequence[VideoRecord], config: AlarmConfig, terms: Terms) -> t
 
 
 def recommend(points: Sequence[Point], terms: Terms) -> Recommendation:
-    """The lowest threshold from which on the rate of false alarms keeps to the wanted one."""
+    """The lowest threshold from which on the rate of false alarms keeps to the wanted one, if it announces anything."""
     good = list(takewhile(lambda point: _keeps(point, terms), reversed(points)))
     chosen = good[-1] if good else None
     point = chosen or points[-1]
+    reason = None
+    if not point.lumps:
+        reason = "no_lumps"
+    elif chosen is None:
+        reason = "too_many_false"
+    elif not chosen.announced:
+        reason = "nothing_announced"
     return Recommendation(
-        chosen,
+        chosen if reason is None else None,
+        reason,
         poisson_upper(point.false_alarms, point.quiet_h),
         RULE_OF_THREE / terms.false_alarms_per_hour,
         max(point.announced for point in points),

@@ -66,6 +66,7 @@ def _result(result: Result, found: Backtest) -> Record:
         "prior_refused_on": result.refused,
         "configured": _point(result.configured),
         "recommended": _point(advice.point) if advice.point else None,
+        "none_recommended": advice.reason,
         "false_alarms_per_hour_surely_below": _rounded(advice.below_per_hour),
         "quiet_hours_needed": _rounded(advice.needed_h),
         "most_announced": advice.most_announced,

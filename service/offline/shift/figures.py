@@ -48,7 +48,7 @@ def shift_figures(site: str, window: Window, records: Sequence[RoiRecord], gener
             "hours": round(window.lasts_s / 3600, 4),
         },
         "generated": _iso(generated_s),
-        "total": _of_alarms(alarms, window)
+        "total": _of_alarms(alarms, _watched_h(records, window))
         | {
             "held": sum(record.held for record in records),
             "blind_alarms": sum(record.blind_alarms for record in records),
@@ -65,7 +65,7 @@ def _of_roi(record: RoiRecord, window: Window) -> Figures:
     return {
         "camera": record.place[0],
         "roi": record.place[1],
-        **_of_alarms(record.alarms, window),
+        **_of_alarms(record.alarms, seen_s / 3600),
         "held": record.held,
         "blind_alarms": record.blind_alarms,
         "availability": round(min(seen_s / window.lasts_s, 1.0), 6),
@@ -74,13 +74,21 @@ def _of_roi(record: RoiRecord, window: Window) -> Figures:
     }
 
 
-def _of_alarms(alarms: Sequence[AlarmStory], window: Window) -> Figures:
+def _watched_h(records: Sequence[RoiRecord], window: Window) -> float:
+    """Hours that a region was watched, on average."""
+    return sum(uptime(record.spans, window)[0] for record in records) / 3600 / max(len(records), 1)
+
+
+def _of_alarms(alarms: Sequence[AlarmStory], watched_h: float) -> Figures:
+    announced = len(alarms) + sum(len(alarm.again) for alarm in alarms)
     counts = Counter(None if alarm.verdict is None else alarm.verdict.outcome for alarm in alarms)
     true, judged = counts[VerdictOutcome.TRUE], counts[VerdictOutcome.TRUE] + counts[VerdictOutcome.FALSE]
     acknowledged = [alarm.acknowledged_after_s for alarm in alarms]
     return {
         "lumps": len(alarms),
-        "alarms_per_hour": round(len(alarms) / (window.lasts_s / 3600), 4),
+        "announcements": announced,
+        "watched_hours": round(watched_h, 4),
+        "alarms_per_hour": round(announced / watched_h, 4) if watched_h > 0 else None,
         "longest_mm": _spread(alarm.number("longest_mm") for alarm in alarms),
         "warning_s": _spread((alarm.number("lip_s") for alarm in alarms), worst=min),
         "acknowledge_s": _spread(acknowledged),
@@ -113,9 +121,16 @@ def uptime(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, floa
 
 def _rates(records: Sequence[RoiRecord], window: Window) -> Figures:
     """What one operator hears of all ROIs, blind alarms apart."""
-    times = sorted(alarm.raised.time_s for record in records for alarm in record.alarms)
+    times = sorted(
+        event.time_s
+        for record in records
+        for alarm in record.alarms
+        for event in (alarm.raised, *alarm.again)
+        if event.time_s < window.end_s
+    )
     counts = in_ten_minutes(times, window)
-    mean = len(times) / max(window.lasts_s / TEN_MINUTES_S, 1e-9)
+    watched_s = 3600 * _watched_h(records, window) or window.lasts_s
+    mean = len(times) / max(watched_s / TEN_MINUTES_S, 1e-9)
     return {
         "ten_minutes_mean": round(mean, 4),
         "ten_minutes_peak": max(counts, default=0),
@@ -163,6 +178,7 @@ def _alarm_figures(story: AlarmStory) -> Figures:
         "verdict_by": None if verdict is None else verdict.actor,
         "note": None if verdict is None else verdict.note,
         "evidence": story.evidence,
+        "announced_again": len(story.again),
     }
 
 

@@ -9,26 +9,11 @@ from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
+from lumpwatch.service.offline.html import html_page
 from lumpwatch.service.offline.shift.figures import Figures
 from lumpwatch.service.offline.shift.plots import distributions, rates, timeline
 from lumpwatch.service.offline.shift.record import RoiRecord
 from lumpwatch.service.offline.shift.window import Window
-
-_STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.45 system-ui, sans-serif; color: #1c2833; max-width: 1120px; margin: 2em auto; padding: 0 1em; }
-h1 { font-size: 1.5em; margin-bottom: 0; } h2 { font-size: 1.1em; margin: 1.8em 0 .4em; }
-.sub { color: #566573; margin-top: .2em; }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 10px; margin: 1.2em 0; }
-.tile { border: 1px solid #d5d8dc; border-radius: 6px; padding: .6em .8em; }
-.tile b { display: block; font-size: 1.5em; } .tile span { color: #566573; font-size: .88em; }
-table { border-collapse: collapse; width: 100%; font-size: .92em; }
-th, td { text-align: left; padding: .3em .5em; border-bottom: 1px solid #e5e7e9; vertical-align: top; }
-th { color: #566573; font-weight: 600; } td.n, th.n { text-align: right; }
-img.plot { width: 100%; } img.still { max-width: 220px; border-radius: 4px; display: block; }
-.true { color: #1f7a33; } .false { color: #c0392b; } .bad { color: #c0392b; font-weight: 600; }
-@media print { .tile, tr { break-inside: avoid; } }
-"""
 
 
 def shift_page(
@@ -43,9 +28,7 @@ def shift_page(
     span = f"{_local(shift['begin'], zone)} to {_local(shift['end'], zone)} ({zone.key})"
     title = f"{found['site']}: {window.name}"
     parts = [
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{_text(title)}</title>",
-        f"<style>{_STYLE}</style></head><body>",
-        f"<h1>{_text(title)}</h1><p class='sub'>{_text(span)}, {shift['hours']:g} h; "
+        f"<p class='sub'>{_text(span)}, {_hours(shift['hours'])}; "
         f"made {_text(_local(found['generated'], zone))}</p>",
         _tiles(found),
         "<h2>What each region saw</h2>",
@@ -61,11 +44,12 @@ def shift_page(
         f"<h2>Alarms ({len(found['alarms'])})</h2>",
         _alarms(found["alarms"], zone, stills),
         "<p class='sub'>Availability is the share of the shift in which a region could see; time in which "
-        "nobody watched counts as not seen. Precision is true / (true + false) over the judged alarms, with "
+        "nobody watched counts as not seen. A lump that is announced again while it is there is one lump. "
+        "Precision is true / (true + false) over the judged alarms, with "
         "the exact 95 % interval of Clopper and Pearson. Times to acknowledge include those after the shift."
-        "</p></body></html>",
+        "</p>",
     ]
-    return "\n".join(parts) + "\n"
+    return html_page(title, parts)
 
 
 def _tiles(found: Figures) -> str:
@@ -78,19 +62,42 @@ def _tiles(found: Figures) -> str:
     judged = total["verdicts"]["true"] + total["verdicts"]["false"]
     tiles = [
         (str(total["lumps"]), "lumps announced"),
-        (_number(total["longest_mm"]["worst"], " mm"), "largest"),
-        (_number(total["warning_s"]["median"], " s"), "median warning before the lip"),
-        (_number(total["acknowledge_s"]["median"], " s"), "median time to acknowledge"),
+        (_number(total["longest_mm"]["worst"], " mm"), f"largest{_over(total, 'longest_mm')}"),
+        (
+            _number(total["warning_s"]["median"], " s"),
+            f"median warning before the lip{_over(total, 'warning_s')}",
+        ),
+        (
+            _number(total["acknowledge_s"]["median"], " s"),
+            f"median time to acknowledge{_over(total, 'acknowledge_s')}",
+        ),
         (str(total["unacknowledged"]), "not acknowledged"),
         (precision, f"precision, {judged} judged ({100 * low:.0f} to {100 * high:.0f} %)"),
         (_percent(worst), "availability of the worst region"),
         (f"{blind:.1f} min", f"blind, and {unknown:.1f} min not watched, all regions"),
-        (f"{total['alarms_per_hour']:.2f}", "alarms an hour"),
+        (
+            "-" if total["alarms_per_hour"] is None else f"{total['alarms_per_hour']:.2f}",
+            f"announcements an hour watched ({total['announcements']} in {_hours(total['watched_hours'])})",
+        ),
     ]
     cells = [
         f"<div class='tile'><b>{_text(value)}</b><span>{_text(name)}</span></div>" for value, name in tiles
     ]
     return f"<div class='tiles'>{''.join(cells)}</div>"
+
+
+def _over(total: Figures, key: str) -> str:
+    """Over how many lumps a figure goes, where that is not all of them."""
+    known = total[key]["count"]
+    return "" if known == total["lumps"] else f" (known of {known} of {total['lumps']})"
+
+
+def _hours(hours: float) -> str:
+    """As people say it: 45 min, 5 h 44 min."""
+    minutes = round(60 * hours)
+    return (
+        f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min".removesuffix(" 0 min")
+    )
 
 
 def _rois(rois: Sequence[Figures]) -> str:

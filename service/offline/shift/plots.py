@@ -74,9 +74,12 @@ def distributions(found: Figures) -> str:
         panel.set(xlabel=label, ylabel="alarms")
         panel.yaxis.get_major_locator().set_params(integer=True)
         if values:
-            panel.hist(values, bins=min(max(len(values), 4), 20), color=colour, edgecolor="white")
+            # From zero on: a handful of values that hardly differ must not look spread out.
+            high = max(*values, 1e-9) * 1.05
+            panel.hist(values, bins=20, range=(min(0.0, *values), high), color=colour, edgecolor="white")
             panel.axvline(total[key]["median"], color="0.2", ls="--", lw=1.2)
-            panel.set_title(f"median {total[key]['median']:.3g}", fontsize="medium")
+            many = f" of {total[key]['count']} of {total['lumps']} lumps"
+            panel.set_title(f"median {total[key]['median']:.3g}{many}", fontsize="medium")
         else:
             panel.set_title("none is known", fontsize="medium")
             panel.set(xticks=[], yticks=[])

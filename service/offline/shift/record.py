@@ -19,18 +19,23 @@ from lumpwatch.service.storage import (
     uptime_spans,
 )
 
+_HOLDS = frozenset({Change.SHELVED.value, Change.SUPPRESSED.value, Change.TAKEN_OUT.value})
 Place = tuple[str, str]
 """Camera and ROI."""
 
 
 @dataclass(slots=True)
 class AlarmStory:
-    """An alarm from its raising on."""
+    """A lump from its first announcement on: what is announced again while it is there stays one story."""
 
     raised: Event
     acknowledged: Event | None = None
     cleared: Event | None = None
     verdict: Verdict | None = None
+    again: list[Event] = field(default_factory=list)
+    """Later announcements of the same lump."""
+    held: bool = False
+    """Whether the alarm was shelved, suppressed or out of service since."""
 
     def number(self, name: str) -> float | None:
         """A detail as it was known last: sizes when it was cleared, else when it was raised."""
@@ -105,29 +110,29 @@ def roi_record(
     )
     stories = _stories(event for event in events if event.alarm_class is AlarmClass.LUMP)
     for story in stories:
-        story.verdict = verdicts.get((place[1], story.raised.id))
+        said = [verdicts.get((place[1], event.id)) for event in (*reversed(story.again), story.raised)]
+        story.verdict = next((verdict for verdict in said if verdict is not None), None)
     record.alarms = [story for story in stories if window.begin_s <= story.raised.time_s < window.end_s]
     return record
 
 
-_RELEASES = frozenset({Change.UNSHELVED.value, Change.UNSUPPRESSED.value, Change.PUT_BACK.value})
-
-
 def _stories(events: Iterable[Event]) -> list[AlarmStory]:
     stories: list[AlarmStory] = []
-    released = False
     for event in events:
         if event.change == Change.RAISED.value:
-            # The end of a hold raises what is still there anew: the lump is the same.
-            if not (released and stories and stories[-1].cleared is None):
+            # The end of a hold raises what is still there anew: the lump is the same. What comes after the condition
+            # was over for the off-delay counts as another one.
+            if stories and stories[-1].cleared is None and stories[-1].held:
+                stories[-1].again.append(event)
+            else:
                 stories.append(AlarmStory(event))
         elif stories:
             last = stories[-1]
+            last.held |= event.change in _HOLDS
             if event.change == Change.ACKNOWLEDGED.value and last.acknowledged is None:
                 last.acknowledged = event
             elif event.change in (Change.CLEARED.value, Change.INACTIVE.value) and last.cleared is None:
                 last.cleared = event
-        released = event.change in _RELEASES
     return stories
 
 

@@ -1,0 +1,87 @@
+"""`lumpwatch snapshot` and `lumpwatch record`: a still and a clip of a camera of the configuration."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, duration, progress
+from lumpwatch.service.config import load_config
+from lumpwatch.service.errors import ConfigError, LumpwatchError
+
+
+def add(commands: Commands) -> None:
+    """Add the commands."""
+    parser = add_command(
+        commands,
+        "snapshot",
+        snapshot_command,
+        "Save a still of a camera, to draw polygon and calibration on.",
+        "lumpwatch snapshot site.yaml --out crusher-1.png",
+    )
+    _where(parser, "picture to write (.png, .jpg)")
+    parser = add_command(
+        commands,
+        "record",
+        record_command,
+        "Record a clip of a camera as it comes, to label, train on and replay.",
+        "lumpwatch record site.yaml --for 2m --out clip.mp4",
+    )
+    _where(parser, "clip to write (.mp4, .mkv)")
+    parser.add_argument(
+        "--for",
+        dest="for_s",
+        type=duration,
+        default=60.0,
+        metavar="TIME",
+        help="length, such as 90s or 2m (default 60s)",
+    )
+
+
+def _where(parser: argparse.ArgumentParser, text: str) -> None:
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    parser.add_argument("--camera", metavar="ID", help="camera (default: the only one)")
+    parser.add_argument("--out", required=True, type=Path, metavar="FILE", help=text)
+
+
+def snapshot_command(arguments: argparse.Namespace) -> int:
+    """Run `snapshot`."""
+    from lumpwatch.service.capture import snapshot
+
+    camera = camera_of(load_config(arguments.config), arguments.camera)
+    picture = snapshot(camera)
+    save_picture(arguments.out, picture)
+    sys.stdout.write(f"{camera.id}: {picture.shape[1]}x{picture.shape[0]} picture in {arguments.out}\n")
+    return 0
+
+
+def record_command(arguments: argparse.Namespace) -> int:
+    """Run `record`."""
+    from lumpwatch.service.capture import record
+
+    if arguments.out.suffix not in (".mp4", ".mkv", ".mov"):
+        raise ConfigError(f"--out {arguments.out}: must end in .mp4, .mkv or .mov")
+    if arguments.out.exists():
+        raise ConfigError(f"--out {arguments.out}: exists; clips are not overwritten")
+    camera = camera_of(load_config(arguments.config), arguments.camera)
+    with progress("recording (s)", round(arguments.for_s)) as advance:
+        seconds = record(camera, arguments.out, arguments.for_s, lambda done_s: advance(int(done_s)))
+    sys.stdout.write(f"{camera.id}: {seconds:.1f} s in {arguments.out}\n")
+    return 0
+
+
+def save_picture(path: Path, picture: object) -> None:
+    """Write a BGR picture; raises LumpwatchError."""
+    import cv2
+
+    try:
+        done, coded = cv2.imencode(path.suffix or ".png", picture)  # type: ignore[call-overload]
+    except cv2.error:
+        done = False
+    if not done:
+        raise ConfigError(f"{path}: must end in .png or .jpg")
+    try:
+        path.write_bytes(coded.tobytes())
+    except OSError as error:
+        raise LumpwatchError(f"{path}: cannot be written ({error.strerror})") from error
