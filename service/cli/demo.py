@@ -197,5 +197,15 @@ def _line(state: StateMessage, rate: float) -> str:
     reason = f" ({state.reason.value})" if state.reason else ""
     return (
         f"{state.camera}/{state.roi} {state.state.value:5}{reason} {rate:5.1f} frames/s  "
-        f"existence {state.existence:4.2f} [{bar:20}]{where}"
+        f"existence {state.existence:4.2f} [{bar:20}]{_feed(state)}{where}"
     )
+
+
+def _feed(state: StateMessage) -> str:
+    """What the feed does, as far as it is known."""
+    told = state.feed
+    if told is None:
+        return ""
+    speed = "" if told.speed_mm_s is None else f" {told.speed_mm_s / 1000.0:.2f} m/s"
+    load = "" if told.load is None else f" load {told.load:.0%}"
+    return f"  feed {told.state.value}{speed}{load}"

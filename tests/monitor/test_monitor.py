@@ -144,6 +144,17 @@ def test_a_put_suppresses_and_its_end_announces(world: World) -> None:
     assert world.metric("requests_refused_total", reason="suppress") == 1
 
 
+def test_the_plant_tells_of_the_feed_and_that_runs_out(world: World) -> None:
+    def tell() -> None:
+        reply = world.bus.ask(f"{REGION}/feed", signal="drive", valid_s="2", runs="true", speed_mm_s="600")
+        assert reply == {"taken": True}
+
+    world.run(*show(world, 1.0, bright=False), then(tell), *show(world, 4.0, bright=False))
+    told = [one["feed"] for one in world.bus.of("state")]
+    assert (told[0]["plant_runs"], told[-1]["plant_runs"]) == (None, None)
+    assert {one["plant_speed_mm_s"] for one in told} == {None, 600.0}
+
+
 @pytest.mark.parametrize(
     "payload", [rb'{"actor": "\ud800"}', b'{"actor": "\xed\xa0\x80"}', b'{"actor": "' + 129 * b"x" + b'"}']
 )

@@ -11,6 +11,7 @@ from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.bus import Bus, BusClosed
 from lumpwatch.service.bus.endpoints import Reply
+from lumpwatch.service.core import FeedState
 from lumpwatch.service.core.clock import Clocks
 from lumpwatch.service.core.decision import Decision
 from lumpwatch.service.core.frame import Frame
@@ -75,12 +76,13 @@ def broken() -> Frame | None:
     raise ValueError("a frame that makes no sense")
 
 
-def proof(bus: FakeBus, stop: Stop) -> ProofTest:
+def proof(bus: FakeBus, stop: Stop, feed: FeedState = FeedState.RUNNING) -> ProofTest:
     watched = Site(
         size=lambda: (WIDTH, HEIGHT),
         prior=lambda roi: prior(),
         decision=lambda roi: Decision.CLEAR,
         stopped=stop,
+        feed=lambda roi: feed,
     )
     config = camera().model_copy(update={"blind_after_s": 0.0})
     return ProofTest("pit", config, cast("Bus", bus), watched)
@@ -101,6 +103,11 @@ def test_what_breaks_because_the_daemon_stops_is_no_failure(bus: FakeBus, failur
     assert (stopping.outcome, stopping.reason) == (Outcome.INCONCLUSIVE, ProofReason.STOPPED)
     running = proof(bus, Stop()).run("apron", "")
     assert (running.outcome, running.reason) == (Outcome.FAILED, failure)
+
+
+def test_an_empty_belt_is_no_place_for_a_proof_test() -> None:
+    found = proof(FakeBus(broken), Stop(), FeedState.EMPTY).run("apron", "")
+    assert (found.outcome, found.reason) == (Outcome.INCONCLUSIVE, ProofReason.EMPTY)
 
 
 def test_a_bus_that_closes_is_the_end_of_the_daemon() -> None:
