@@ -1,7 +1,7 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, difficulty, real, paper1, paper2, background, jpda, quality,
-pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
+Words on the command line choose some: lumps, difficulty, real, paper1, paper2, background, jpda, imm,
+quality, pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 # The libraries count their threads when they are imported.
 from tests.reproduction import (  # noqa: E402
     difficulty,
+    imm,
     lumps,
     paper1,
     paper2,
@@ -34,6 +35,7 @@ EXPERIMENTS = {
     "paper2": paper2.main,
     "background": paper3_background.main,
     "jpda": paper3_jpda.main,
+    "imm": imm.main,
     "quality": quality.main,
     "pictures": pictures.main,
 }
