@@ -167,6 +167,11 @@ def page(found: dict[tuple[str, float], dict[str, Result]]) -> str:
         "constant velocity with little noise and constant velocity with much; *paper 2's three* has free acceleration "
         "in place of the last. The noise of each method is chosen for each row by log evidence on "
         f"{CHOSEN_ON} other paths; {PATHS} paths are judged.\n",
+        "Several models pay for predictions where objects stop as well as turn and pictures come often enough "
+        "to tell which model holds. They do not where objects only move straight on, and not at two pictures "
+        "a second: a share of the particles always tries what does not hold, and without it constant velocity "
+        "with more noise does as well. Free acceleration needs more pictures than these to be learned from "
+        "positions.\n",
     ]
     for field, what in (
         ("ahead", "before each measurement (prediction)"),
