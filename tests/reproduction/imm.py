@@ -185,7 +185,7 @@ def page(found: dict[tuple[str, float], dict[str, Result]]) -> str:
             "|" + "---|" * (len(METHODS) + 2),
         ]
         for (kind, rate), result in found.items():
-            cells = []
+            cells: list[str] = []
             for name, one in result.items():
                 mean, reach = gap(result, name, field)
                 word = "better" if mean < -reach else "**worse**" if mean > reach else "no difference"
