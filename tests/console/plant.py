@@ -151,7 +151,11 @@ class Console:
     def __enter__(self) -> Self:
         with self._log.open("ab") as log:
             self.process = subprocess.Popen([*LUMPWATCH, "console", str(self.config)], stdout=log, stderr=log)
-        eventually(lambda: re.search(r"console on (\S+)", self._log.read_text()))
+        try:
+            eventually(lambda: re.search(r"console on (\S+)", self._log.read_text()), 90.0)
+        except BaseException:
+            self.process.kill()
+            raise
         found = re.findall(r"console on (\S+)", self._log.read_text())
         self.url = str(found[-1])
         return self

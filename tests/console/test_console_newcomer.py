@@ -181,7 +181,7 @@ def test_from_nothing_to_a_promoted_prior(site: tuple[Path, str, Path]) -> None:
         page.goto(f"{url}/training/cam/apron", wait_until="commit")
         page.wait_for_selector("#main[data-ready]")
         page.click("[data-work=replay]")
-        page.click("#jobs tr:first-child a")
+        page.locator("#jobs tr a", has_text="replay").click()  # waits until it is listed
         page.wait_for_selector("#overlay:not([hidden])", timeout=120_000)
         page.wait_for_function("document.querySelector('#overlay video').duration > 10")
         found = json.loads(
