@@ -16,7 +16,7 @@ def add(commands: Commands) -> None:
         commands,
         "simulate",
         simulate,
-        "Render the simulated crusher feed: video.mp4, its labels gt.txt and spec.json.",
+        "Render the simulated crusher feed: video.mp4, its labels gt.txt, spec.json, and site.yaml, which watches it.",
         'lumpwatch simulate out/feed --seconds 60 --seed 3 --set "lumps_per_minute=8&dust=0.5"',
     )
     parser.add_argument("out", type=Path, metavar="OUT_DIR", help="folder for the files")
@@ -44,5 +44,5 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"--seconds {arguments.seconds:g}: {error}") from error
     except OSError as error:
         raise LumpwatchError(f"{arguments.out}: cannot be written ({error.strerror})") from error
-    print(f"{written.video}\n{written.labels}\n{written.spec}")  # noqa: T201 - the command's output
+    print(f"{written.video}\n{written.labels}\n{written.spec}\n{written.site}")  # noqa: T201 - the command's output
     return 0

@@ -1,4 +1,4 @@
-"""A simulated feed as files: the video, its labels, and what calibration needs to know."""
+"""A simulated feed as files: the video, its labels, the truth about it, and a configuration that watches it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ class WrittenFeed:
     video: Path
     labels: Path
     spec: Path
+    site: Path
 
 
 def write_video(
     spec: FeedSpec, seconds: float, out_dir: Path, progress: Callable[[int, int], None] | None = None
 ) -> WrittenFeed:
-    """Render the feed into `video.mp4`, `gt.txt` and `spec.json` in `out_dir`, made when missing.
+    """Render the feed into `video.mp4`, `gt.txt`, `spec.json` and `site.yaml` in `out_dir`, made when missing.
 
     `gt.txt` is MOTChallenge text without a header, `frame,id,x,y,w,h,conf,class,visibility,model`:
     frame from 1, box in pixels of the whole picture (0 is the left and upper border), conf and
@@ -39,7 +40,7 @@ def write_video(
     if frames < 1:
         raise ValueError(f"{seconds:g} s hold no frame at {spec.fps:g} frames a second")
     out_dir.mkdir(parents=True, exist_ok=True)
-    paths = WrittenFeed(out_dir / "video.mp4", out_dir / "gt.txt", out_dir / "spec.json")
+    paths = WrittenFeed(*(out_dir / name for name in ("video.mp4", "gt.txt", "spec.json", "site.yaml")))
     crf = _CRF if spec.h264_crf is None else spec.h264_crf
     simulator = FeedSimulator(spec.model_copy(update={"h264_crf": None}))
     lumps: dict[int, dict[str, object]] = {}
@@ -68,7 +69,35 @@ def write_video(
         "lumps": {str(key): value for key, value in sorted(lumps.items())},
     }
     paths.spec.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    paths.site.write_text(_configuration(simulator), encoding="utf-8")
     return paths
+
+
+def _configuration(feed: FeedSimulator) -> str:
+    """One camera with one calibrated region, as a user would write it."""
+    spec = feed.spec
+    width, length = spec.belt_width_mm, spec.belt_length_mm
+    points_mm = [[0.0, 0.0], [width, 0.0], [width, length], [0.0, length]]
+    corners = []
+    for x, y in points_mm:
+        u, v, _ = feed.geometry.project(x - width / 2, y)
+        corners.append([round(u / spec.width, 4), round(v / spec.height, 4)])
+    polygon = [[round(v, 4) for v in point] for point in feed.polygon]
+    return f"""\
+site: simulated
+store: {{path: var}}
+cameras:
+  - id: cam
+    source: {{url: video.mp4}}
+    rois:
+      - id: apron
+        polygon: {polygon}
+        calibration:
+          points: {corners}
+          points_mm: {points_mm}
+          lip: {[corners[3], corners[2]]}
+          limit_mm: {spec.limit_mm:g}
+"""
 
 
 def _line(frame: int, truth: Truth) -> str:
