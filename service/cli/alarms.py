@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import threading
 import time
@@ -13,6 +14,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from lumpwatch.service.bus import Bus, Keys, open_client
+from lumpwatch.service.cli.colours import coloured, wanted
 from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, stop_on_signals
 from lumpwatch.service.config import BusConfig, load_config
 from lumpwatch.service.core import AlarmClass, AlarmState, printable
@@ -31,7 +33,8 @@ def add(commands: Commands) -> None:
         "alarms",
         alarms,
         "Follow the alarms of a running daemon: past ones that it still holds, the present states, and "
-        "whatever comes. Says SILENT when nothing valid is heard of a camera, and when it is heard again.",
+        "whatever comes. Says SILENT when nothing valid is heard of a camera, and when it is heard again. On a "
+        "terminal LUMP is red, BLIND and SILENT are violet, unless NO_COLOR is set.",
         "lumpwatch alarms site.yaml --exit-on-silence || page-someone",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
@@ -86,6 +89,7 @@ class _Follower:
         self._keys = Keys(site)
         self._regions = regions
         self._json = as_json
+        self._coloured = not as_json and wanted(sys.stdout, os.environ)
         self._left = count
         self._exit_on_silence = exit_on_silence
         self._watch = SilenceWatch(site, regions, time.monotonic())
@@ -132,7 +136,7 @@ class _Follower:
             if self._done.is_set():
                 return
             try:
-                _print(line)
+                _print(line, coloured_states=self._coloured)
             except BrokenPipeError:  # who read has gone
                 self._done.set()
                 return
@@ -194,7 +198,8 @@ def describe_state(payload: bytes) -> str:
     )
 
 
-def _print(line: str, stream: object = None) -> None:
+def _print(line: str, stream: object = None, *, coloured_states: bool = False) -> None:
     out = sys.stdout if stream is None else sys.stderr
-    out.write(printable(line, _LONGEST_LINE) + "\n")
+    text = printable(line, _LONGEST_LINE)
+    out.write((coloured(text) if coloured_states else text) + "\n")
     out.flush()
