@@ -114,6 +114,32 @@ def default_profile(height: float, smallest: float, largest: float, speed: float
     return RowProfile(0.0, max(height, 1.0), np.repeat(mean, 2, axis=0), np.repeat(spread, 2, axis=0))
 
 
+NARROWEST = 0.3
+"""A region's far end is taken for no smaller than this share of its widest row: polygons are drawn by hand."""
+_FULL_SIZE = 0.75
+"""Quantile of the rows at which a lump is as large as is said of the region as a whole."""
+
+
+def along_polygon(profile: RowProfile, mask: NDArray[np.uint8]) -> RowProfile:
+    """The profile with sizes that grow with the width of the polygon `mask` (h, w), 1 inside and 0 outside.
+
+    A polygon that follows the edges of a belt shows by how much the belt comes nearer: its width at each row is a
+    straight line, and so is the size of a lump. Velocities stay as they are. A mask without a row is left alone.
+    """
+    widths = mask.sum(axis=1, dtype=np.float64)
+    inside = np.flatnonzero(widths)
+    if len(inside) < 2:
+        return profile
+    height = len(widths)
+    slope, offset = np.polyfit(inside, widths[inside], 1)
+    line = slope * np.arange(height) + offset
+    line = np.maximum(line, NARROWEST * line.max())
+    knots = np.linspace(0.0, height, 17)
+    mean, spread = profile.at(knots)
+    mean[:, 2:] += np.log(np.interp(knots, np.arange(height), line) / np.quantile(line, _FULL_SIZE))[:, None]
+    return RowProfile(0.0, float(knots[1]), mean, spread, profile.aspect_spread)
+
+
 def learn_profile(states: States, height: float, least_log_size_spread: float = 0.1) -> RowProfile:
     """The profile of training states (n, 8) in a picture of `height` rows, by a kernel average over rows.
 

@@ -101,7 +101,8 @@ class DetectorBase(Strict):
     """The ROI is scaled once so that its longer side has this many pixels (never enlarged). Left out for a tracker: as
     `train` chose, or 320."""
     size_h: tuple[Positive, Positive] = (0.12, 0.45)
-    """Smallest and largest object, in ROI heights, where no size has been learned."""
+    """Smallest and largest object, in ROI heights, where no size has been learned and no limit is known. Where the
+    polygon narrows, as a belt does far away, so do they: as said they hold at its wider rows."""
     seed: int = Field(default=1, ge=0)
     """Seed of the detector's random generator."""
 

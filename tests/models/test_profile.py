@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from lumpwatch.models.jdt.row_profile import (
     ASPECT,
     LARGEST,
+    NARROWEST,
     SIZE_LIMIT,
     SIZE_MEMORY_S,
     SMALLEST,
     RowProfile,
+    along_polygon,
     around_limit,
     default_profile,
     learn_profile,
@@ -150,6 +152,32 @@ def test_default_profile_by_hand() -> None:
         assert np.exp(mean[0, 2:]) == pytest.approx([20.0, 20.0])
         assert spread[0, :2] == pytest.approx([3.0, 15.0])
         assert np.exp(2 * spread[0, 2:]) == pytest.approx([2.0, 2.0])
+
+
+def test_sizes_grow_with_the_width_of_the_polygon_by_hand() -> None:
+    """Widths from 50 to 100 on 101 rows: three quarters of them are narrower than 87.5, where sizes are as said."""
+    mask = np.zeros((101, 120), np.uint8)
+    for row in range(101):
+        mask[row, : 50 + row // 2] = 1
+    flat = default_profile(101.0, 10.0, 40.0, 30.0)
+    mean, spread = along_polygon(flat, mask).at(np.array([0.0, 75.0, 100.0]))
+    assert np.exp(mean[:, 2]) == pytest.approx(20.0 * np.array([50.0, 87.5, 100.0]) / 87.5, rel=0.01)
+    assert mean[:, :2] == pytest.approx(np.array([[0.0, 15.0]] * 3))
+    assert spread == pytest.approx(np.repeat(flat.spread[:1], 3, axis=0))
+
+
+@pytest.mark.parametrize("mask", [np.ones((80, 60), np.uint8), np.zeros((80, 60), np.uint8)])
+def test_a_region_that_does_not_narrow_changes_no_size(mask: NDArray[np.uint8]) -> None:
+    flat = default_profile(80.0, 10.0, 40.0, 30.0)
+    rows = np.linspace(0.0, 80.0, 9)
+    assert along_polygon(flat, mask).at(rows)[0] == pytest.approx(flat.at(rows)[0])
+
+
+def test_the_far_end_of_a_triangle_is_not_without_size() -> None:
+    mask = np.tril(np.ones((100, 100), np.uint8))
+    flat = default_profile(100.0, 10.0, 40.0, 30.0)
+    mean, _ = along_polygon(flat, mask).at(np.array([0.0, 99.0]))
+    assert np.exp(mean[0, 2] - mean[1, 2]) == pytest.approx(NARROWEST, rel=0.02)
 
 
 def kernel_average(rows: NDArray[np.float64], row: float, height: float) -> NDArray[np.float64]:

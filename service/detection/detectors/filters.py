@@ -23,7 +23,7 @@ from lumpwatch.models.jdt.motion import (
     RandomWalk,
 )
 from lumpwatch.models.jdt.motion_prior import CellVelocities, MotionPrior
-from lumpwatch.models.jdt.row_profile import RowProfile, around_limit, default_profile
+from lumpwatch.models.jdt.row_profile import RowProfile, along_polygon, around_limit, default_profile
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
 from lumpwatch.models.learning import Noise
 from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
@@ -83,7 +83,8 @@ def make_profile(size_h: tuple[float, float], learned: Learned | None, roi: Roi)
         profile = learned.profile.scaled(height)
     else:
         smallest, largest = (size * height for size in size_h)
-        profile = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
+        flat = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
+        profile = along_polygon(flat, roi.mask)
     return around_limit(profile, roi.limit_px)
 
 

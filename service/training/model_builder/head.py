@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
-from lumpwatch.models.jdt.row_profile import around_limit, default_profile
+from lumpwatch.models.jdt.row_profile import along_polygon, around_limit, default_profile
 from lumpwatch.models.learning import LabelledView, LumpFit, fit_lump
 from lumpwatch.models.learning.fit import Scene
 from lumpwatch.models.likelihood.lump import Maps
@@ -71,10 +71,10 @@ def _stretched(relative: NDArray[np.float64], areas: NDArray[np.float64], whole:
 def births_of(mask: Image, limit: NDArray[np.float64] | None) -> PolygonBirths:
     """Boxes as a filter without a prior tries them, with a limit or without."""
     smallest, largest = JdtConfig().size_h
-    profile = default_profile(
+    flat = default_profile(
         mask.shape[0], smallest * mask.shape[0], largest * mask.shape[0], 0.5 * mask.shape[0]
     )
-    return polygon_births(mask, around_limit(profile, limit), np.ones(1))
+    return polygon_births(mask, around_limit(along_polygon(flat, mask), limit), np.ones(1))
 
 
 def fit_head(files: Sequence[Path], maps: Maps, every: int = 1, patterns: int = PATTERNS) -> LumpFit:
