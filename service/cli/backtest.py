@@ -15,7 +15,15 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.capture import open_recording
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from lumpwatch.service.cli.common import (
+    Commands,
+    add_command,
+    add_json,
+    camera_of,
+    progress,
+    roi_of,
+    tell_json,
+)
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.offline import (
@@ -25,6 +33,7 @@ from lumpwatch.service.offline import (
     Setup,
     Terms,
     archive,
+    backtest_record,
     run_backtest,
     short_names,
     write_backtest,
@@ -95,6 +104,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for backtest.json, lumps.csv and backtest.png"
     )
+    add_json(parser, "print what backtest.json holds")
 
 
 def backtest(arguments: argparse.Namespace) -> int:
@@ -114,12 +124,16 @@ def backtest(arguments: argparse.Namespace) -> int:
     with _pool(min(workers, tasks)) as pool, progress("backtest", tasks) as advance:
         found = run_backtest(setups, clips, terms, arguments.fall_model, pool, advance)
     console = Console(highlight=False, markup=False)
-    for result in found.results:
-        _print(console, result, found)
+    if arguments.json:
+        tell_json(backtest_record(found))
+    else:
+        for result in found.results:
+            _print(console, result, found)
     if arguments.out is not None:
         write_backtest(found, arguments.out)
         _draw(found, arguments.out / "backtest.png")
-        console.print(f"results in {arguments.out}")
+        if not arguments.json:
+            console.print(f"results in {arguments.out}")
     for failure in found.failures:
         sys.stderr.write(f"lumpwatch: left out: {failure}\n")
     return 1 if found.failures else 0

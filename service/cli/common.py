@@ -46,6 +46,16 @@ def add_command(
     return added
 
 
+def add_json(parser: argparse.ArgumentParser, text: str = "print what was found as JSON") -> None:
+    """Add `--json`: the facts for another program, on standard output and nothing else there."""
+    parser.add_argument("--json", action="store_true", help=text)
+
+
+def tell_json(content: object) -> None:
+    """Print it on standard output, for another program; what JSON has no number for is an error, never printed."""
+    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
 def duration(text: str) -> float:
     """Seconds of a span with units, for argparse: 90s, 30m, 1h30m. A number alone is refused."""
     try:

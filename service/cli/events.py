@@ -46,6 +46,9 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--format", choices=("table", "jsonl", "csv"), default="table", help="how to print (default: table)"
     )
+    parser.add_argument(
+        "--json", action="store_const", const="jsonl", dest="format", help="one record a line: --format jsonl"
+    )
 
 
 def events(arguments: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.common import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import LumpwatchError
 
@@ -29,12 +29,16 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--timeout", type=float, default=2.0, metavar="S", help="seconds to wait (default: 2)"
     )
+    add_json(parser)
 
 
 def health(arguments: argparse.Namespace) -> int:
     """Run the command."""
     config = load_config(arguments.config)
     problems = ask(config, arguments.of, arguments.timeout)
+    if arguments.json:
+        tell_json({"of": arguments.of, "good": not problems, "problems": problems})
+        return 1 if problems else 0
     print("\n".join(problems) if problems else arguments.of)  # noqa: T201 - the answer
     return 1 if problems else 0
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.lens import find_lens
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.common import Commands, add_command, add_json, tell_json
 from lumpwatch.service.errors import ConfigError
 
 _MOST_OFF_PX = 4.0
@@ -34,6 +34,7 @@ def add(commands: Commands) -> None:
         metavar="X,Y",
         help="points of one edge, px; may be given again",
     )
+    add_json(parser)
 
 
 def lens(arguments: argparse.Namespace) -> int:
@@ -55,6 +56,9 @@ def lens(arguments: argparse.Namespace) -> int:
             f"the edges contradict each other: straightened as well as can be, their points lie {off_px:.1f} px off "
             "straight lines (rms); are they all straight in the world?"
         )
+    if arguments.json:
+        tell_json({"k1": found.k1, "k2": found.k2, "off_px": off_px, "off_before_px": before_px})
+        return 0
     sys.stdout.write(
         f"lens: {{k1: {found.k1:.4f}, k2: {found.k2:.4f}}}\n"
         f"# the points lie {off_px:.1f} px off straight lines (rms), {before_px:.1f} px as they are\n"

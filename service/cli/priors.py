@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, roi_of, tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import summary
@@ -51,16 +53,19 @@ def add(commands: Commands) -> None:
         help="version (default: the one in use; promote, drop: the one in shadow; rollback to 0: stated defaults)",
     )
     parser.add_argument("--shadow", action="store_true", help="import: to run in shadow, not to be used")
+    add_json(parser, "print the versions as JSON (list)")
 
 
 def priors(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.json and arguments.action != "list":
+        raise ConfigError("priors --json goes with list alone")
     config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
     store = PriorStore(config.store.path, config.store.keep_priors)
     if arguments.action == "list":
-        return _list(store, camera.id, roi.id)
+        return _list(store, camera.id, roi.id, as_json=arguments.json)
     if arguments.action in _TRIAL:
         return _TRIAL[arguments.action](store, camera.id, roi.id, arguments.version)
     if arguments.file is None:
@@ -144,29 +149,48 @@ def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespa
     return 0
 
 
-def _list(store: PriorStore, camera: str, roi: str) -> int:
-    in_use = store.current(camera, roi)
+def _list(store: PriorStore, camera: str, roi: str, *, as_json: bool) -> int:
+    found = [_version(store, camera, roi, version) for version in store.versions(camera, roi)]
+    if as_json:
+        tell_json(found)
+        return 0
     table = Table(title=f"{camera}/{roi}: priors in {store.folder(camera, roi)}")
     for heading in ("version", "created", "from", "objects", "models", "state"):
         table.add_column(heading)
-    for version in store.versions(camera, roi):
-        try:
-            prior = store.load(camera, roi, version)
-        except PriorError as error:
-            table.add_row(str(version), "", "", "", "", f"refused: {error}")
+    for one in found:
+        if "refused" in one:
+            table.add_row(str(one["version"]), "", "", "", "", f"refused: {one['refused']}")
             continue
-        state = "never in use" if store.untried(camera, roi, version) else ""
-        if in_use.prior is not None and in_use.prior.version == version:
-            state = "in use"
-        elif version == store.shadow_pointer(camera, roi):
-            state = "in shadow"
+        created = datetime.fromisoformat(one["created"])
         table.add_row(
-            str(version),
-            f"{prior.meta.created:%Y-%m-%d %H:%M:%S}",
-            prior.meta.source,
-            str(prior.learned.tracks),
-            ", ".join(prior.learned.models),
-            state,
+            str(one["version"]),
+            f"{created:%Y-%m-%d %H:%M:%S}",
+            one["source"],
+            str(one["objects"]),
+            ", ".join(one["models"]),
+            one["state"] or "",
         )
     Console(markup=False).print(table)
     return 0
+
+
+def _version(store: PriorStore, camera: str, roi: str, version: int) -> dict[str, Any]:
+    """What is known of one version, as plain data; `refused` says why it cannot be read."""
+    try:
+        prior = store.load(camera, roi, version)
+    except PriorError as error:
+        return {"version": version, "refused": str(error)}
+    in_use = store.current(camera, roi).prior
+    state = "never in use" if store.untried(camera, roi, version) else None
+    if in_use is not None and in_use.version == version:
+        state = "in use"
+    elif version == store.shadow_pointer(camera, roi):
+        state = "in shadow"
+    return {
+        "version": version,
+        "created": prior.meta.created.isoformat(),
+        "source": prior.meta.source,
+        "objects": prior.learned.tracks,
+        "models": list(prior.learned.models),
+        "state": state,
+    }

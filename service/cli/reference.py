@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +14,7 @@ from rich.table import Table
 
 from lumpwatch.models.picture.region import Measure
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress
+from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, progress, tell_json
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import Reference, ReferenceStore
@@ -50,6 +51,7 @@ def add(commands: Commands) -> None:
         help="share of the time for which footage like this may be taken for unfit (default 0.001)",
     )
     parser.add_argument("--use", type=int, metavar="N", help="learn nothing, go back to stored version N")
+    add_json(parser, "print the thresholds as JSON (not with --use)")
 
 
 def reference(arguments: argparse.Namespace) -> int:
@@ -58,6 +60,8 @@ def reference(arguments: argparse.Namespace) -> int:
     camera = camera_of(config, arguments.camera)
     store = ReferenceStore(config.store.path, config.store.keep_priors)
     if arguments.use is not None:
+        if arguments.json:
+            raise ConfigError("reference --json does not go with --use")
         return _use(store, camera.id, arguments.use)
     if not 1e-6 <= arguments.false_share <= 0.05:
         raise ConfigError("--false-share: must be within 0.000001 and 0.05")
@@ -72,7 +76,10 @@ def reference(arguments: argparse.Namespace) -> int:
     stored = store.save(learned.reference)
     for warning in learned.warnings:
         sys.stderr.write(f"lumpwatch: warning: {warning}\n")
-    _print(stored)
+    if arguments.json:
+        tell_json(_record(stored, learned.warnings))
+    else:
+        _print(stored)
     return 0
 
 
@@ -88,6 +95,28 @@ def _use(store: ReferenceStore, camera: str, version: int) -> int:
     versions.use(version)
     print(f"{camera}: reference version {version} is in use")  # noqa: T201
     return 0
+
+
+def _record(stored: Reference, warnings: Sequence[str]) -> dict[str, object]:
+    """What a program may want of it; `above` or `below` is from where on a picture is not fit."""
+    return {
+        "camera": stored.meta.camera,
+        "version": stored.version,
+        "warnings": list(warnings),
+        "lights": {
+            light.name: {
+                roi: {
+                    measure.value: {
+                        "usual": float(region.usual[measure]),
+                        "above" if measure.too_large else "below": float(region.thresholds[measure]),
+                    }
+                    for measure in Measure
+                }
+                for roi, region in light.regions.items()
+            }
+            for light in stored.lights
+        },
+    }
 
 
 def _print(stored: Reference) -> None:

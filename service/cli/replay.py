@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections import Counter
 from contextlib import ExitStack
@@ -12,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress
+from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, progress
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline
@@ -77,6 +78,7 @@ def add(commands: Commands) -> None:
         metavar="VERSION",
         help="run that version of the prior in shadow; how it differs is written to shadow.json",
     )
+    add_json(parser, "print what summary.json holds")
 
 
 def replay(arguments: argparse.Namespace) -> int:
@@ -117,10 +119,13 @@ def replay(arguments: argparse.Namespace) -> int:
         )
     if curves is not None:
         curves.save(arguments.out / "existence.png")
-    _print(summary, arguments.out, time.perf_counter() - started, reference is not None)
+    if arguments.json:
+        sys.stdout.write(summary.text())
+    else:
+        _print(summary, arguments.out, time.perf_counter() - started, reference is not None)
     if shadow is not None:
         shadow.save(arguments.out / "shadow.json")
-        for state in shadow.states():
+        for state in () if arguments.json else shadow.states():
             print("\n".join(lines_of(state)))  # noqa: T201
     return 0
 
@@ -138,9 +143,13 @@ def _evidence(arguments: argparse.Namespace) -> int:
         compared = replay_evidence(found, arguments.out, tuple(listeners))
     if curves is not None:
         curves.save(arguments.out / "existence.png")
-    _print(compared.summary, arguments.out, time.perf_counter() - started, reference=True)
+    if arguments.json:
+        sys.stdout.write(compared.summary.text())
+    else:
+        _print(compared.summary, arguments.out, time.perf_counter() - started, reference=True)
     if compared.equal:
-        print(f"the same decisions as live on all {compared.frames} frames")  # noqa: T201
+        if not arguments.json:
+            print(f"the same decisions as live on all {compared.frames} frames")  # noqa: T201
         return 0
     why = "" if found.meta.exact else " (a tracker's background is not part of evidence)"
     raise ReplayError(

@@ -4,6 +4,7 @@ from lumpwatch.service.offline.backtest.archive import archive, boxes_of, short_
 from lumpwatch.service.offline.backtest.curve import Point, Terms
 from lumpwatch.service.offline.backtest.plots import draw_backtest
 from lumpwatch.service.offline.backtest.record import Setup
+from lumpwatch.service.offline.backtest.report import as_record as backtest_record
 from lumpwatch.service.offline.backtest.report import write_backtest
 from lumpwatch.service.offline.backtest.run import Backtest, Result, run_backtest
 from lumpwatch.service.offline.evidence_replay import load_camera, replay_evidence
@@ -43,6 +44,7 @@ __all__ = [
     "Summary",
     "Terms",
     "archive",
+    "backtest_record",
     "boxes_of",
     "draw_backtest",
     "draw_prior",

@@ -63,6 +63,14 @@ def test_what_is_wrong_is_printed(config: Path, judge: Judge, capsys: pytest.Cap
     assert main(["health", str(config), "--of", "live"]) == 0
 
 
+def test_health_for_a_program(config: Path, judge: Judge, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["health", str(config), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"of": "ready", "good": True, "problems": []}
+    judge.problems = ["cam/lip: has not decided yet"]
+    assert main(["health", str(config), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == {"of": "ready", "good": False, "problems": judge.problems}
+
+
 def test_nobody_there_is_a_failure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "site.yaml"
     file.write_text(json.dumps(site_tree() | {"telemetry": {"listen": f"127.0.0.1:{free_port()}"}}))

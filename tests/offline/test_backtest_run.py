@@ -317,7 +317,7 @@ def test_the_command_gives_the_same_bytes_whatever_the_number_of_workers(
 
 @pytest.mark.slow
 def test_the_command_agrees_with_replay_on_a_simulated_feed(tmp_path: Path, capsys: Captured) -> None:
-    config = tmp_path / "site.yaml"
+    config = tmp_path / "demo.yaml"  # the clip gets a site.yaml of its own beside it
     config.write_text(demo_config(Path("var"), SEED))
     with as_file(files("lumpwatch.service.simulator") / "demo.prior") as path:
         PriorStore(load_config(config).store.path).save(read_file(path))
@@ -327,9 +327,12 @@ def test_the_command_agrees_with_replay_on_a_simulated_feed(tmp_path: Path, caps
     assert main([str(argument) for argument in replay]) == 0
     expected = announcements(read_states(tmp_path / "replay" / "states.jsonl"), feed.labels, spec.fps)
     assert expected
-    arguments = ("--videos", feed.video, "--roi", ROI, "--out", tmp_path / "out", "--workers", 1)
+    capsys.readouterr()
+    arguments = ("--videos", feed.video, "--roi", ROI, "--out", tmp_path / "out", "--workers", 1, "--json")
     assert main(["backtest", *map(str, (config, *arguments))]) == 0
-    (result,) = json.loads((tmp_path / "out" / "backtest.json").read_text())["results"]
+    written = (tmp_path / "out" / "backtest.json").read_text()
+    assert capsys.readouterr().out == written
+    (result,) = json.loads(written)["results"]
     assert result["configured"]["announced"] == sum((one.warned_s or 0.0) >= 1.0 for one in expected)
     median = np.median([one.warned_s or 0.0 for one in expected])
     assert result["configured"]["warning_median_s"] == pytest.approx(median, abs=1e-3)

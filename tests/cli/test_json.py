@@ -1,0 +1,99 @@
+"""`--json`: the facts a command prints, for another program; standard output holds them alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lumpwatch.service.config import UserRole
+from lumpwatch.service.console import UserFile
+from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
+from lumpwatch.service.storage.prior_store import PriorStore
+from tests.cli.test_cli import Captured, done, failed
+from tests.servers.clips import write_clip
+from tests.service_helpers import prior, site_tree
+from tests.storage.test_event_log import event
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """A configuration file of the small camera; its users are in a file."""
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        json.dumps({**site_tree(likelihood={"kind": "lump"}), "console": {"users": "users.json"}}),
+        encoding="utf-8",
+    )
+    return path
+
+
+def told(capsys: Captured, *arguments: object) -> Any:
+    """What a command that succeeds prints with `--json`."""
+    return json.loads(done(capsys, *arguments, "--json"))
+
+
+def test_priors(capsys: Captured, config: Path, tmp_path: Path) -> None:
+    assert told(capsys, "priors", "list", config) == []
+    store = PriorStore(tmp_path / "var")
+    for source in ("a.mp4", "b.mp4", "c.mp4"):
+        store.save(prior(source=source))
+    store.path("cam", "apron", 3).write_bytes(b"nonsense")
+    store.use("cam", "apron", 2)
+    first, second, third = told(capsys, "priors", "list", config)
+    stored = store.load("cam", "apron", 2)
+    assert second == {
+        "version": 2,
+        "created": stored.meta.created.isoformat(),
+        "source": "b.mp4",
+        "objects": stored.learned.tracks,
+        "models": list(stored.learned.models),
+        "state": "in use",
+    }
+    assert (first["version"], first["state"]) == (1, None)
+    assert third["version"] == 3
+    assert "is not a lumpwatch prior" in third["refused"]
+    assert "with list alone" in failed(capsys, "priors", "rollback", config, "--version", 1, "--json", code=2)
+    assert store.pointer("cam", "apron") == 2
+
+
+def test_users(capsys: Captured, config: Path, tmp_path: Path) -> None:
+    UserFile(tmp_path / "users.json").put("anna", "correct horse", UserRole.named("operator"))
+    assert told(capsys, "users", config, "list") == [{"name": "anna", "role": "operator"}]
+    assert "with list alone" in failed(capsys, "users", config, "remove", "anna", "--json", code=2)
+
+
+def test_events_are_one_a_line(capsys: Captured, config: Path, tmp_path: Path) -> None:
+    log = EventLog(event_file(tmp_path / "var", "cam"))
+    log.append([Entry(event(k), b"") for k in (1, 2)])
+    log.close()
+    lines = done(capsys, "events", config, "--json")
+    assert [json.loads(line)["sequence"] for line in lines.splitlines()] == [1, 2]
+    assert lines == done(capsys, "events", config, "--format", "jsonl")
+
+
+def test_lens(capsys: Captured) -> None:
+    edges = ("--edge", "80,40", "38,540", "80,1040", "--edge", "1840,40", "1882,540", "1840,1040")
+    found = told(capsys, "lens", "1920x1080", *edges)
+    assert found["off_px"] < found["off_before_px"]
+    assert f"k1: {found['k1']:.4f}, k2: {found['k2']:.4f}" in done(capsys, "lens", "1920x1080", *edges)
+
+
+def test_replay(capsys: Captured, config: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "clip.mp4", frames=12)
+    summary = told(capsys, "replay", config, clip, "--out", tmp_path / "out")
+    assert summary["frames"] == 12
+    assert summary == json.loads((tmp_path / "out" / "summary.json").read_text())
+
+
+def test_reference(capsys: Captured, config: Path, tmp_path: Path) -> None:
+    clip = write_clip(tmp_path / "clip.mp4", frames=60)
+    found = told(capsys, "reference", config, clip)
+    assert (found["camera"], found["version"]) == ("cam", 1)
+    assert found["warnings"]  # a clip of two seconds shows little
+    assert set(found["lights"]) == {"day"}
+    for threshold in found["lights"]["day"]["apron"].values():
+        assert len(threshold.keys() & {"above", "below"}) == 1
+        assert isinstance(threshold["usual"], float)
+    assert "does not go with --use" in failed(capsys, "reference", config, "--use", 1, "--json", code=2)
