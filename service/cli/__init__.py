@@ -47,6 +47,7 @@ _MODULES = {
     "lens": ("lens",),
     "simulate": ("simulate",),
     "deploy": ("deploy",),
+    "completion": ("completion",),
 }
 """Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
 _EXTRAS = {

@@ -11,6 +11,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "check": "is the configuration right; what calibrations mean; what cameras send",
         "snapshot": "a still of a camera",
         "record": "a clip of a camera",
+        "completion": "of the command line in bash, zsh, fish",
         "lens": "how much a lens bends the picture",
         "reference": "learn what a fit picture looks like",
     },
