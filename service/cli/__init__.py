@@ -10,7 +10,8 @@ import argparse
 import importlib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any, NoReturn
 
@@ -89,6 +90,26 @@ def _module(name: str) -> Any:
         ) from error
 
 
+@contextmanager
+def _loudness(level: str | None) -> Iterator[None]:
+    """`--quiet` or `--verbose`, for as long as the command runs; its worker processes inherit it."""
+    if level is None:
+        yield
+        return
+    from lumpwatch.service.core import LEVEL, log_to_stderr
+
+    before = os.environ.get(LEVEL)
+    os.environ[LEVEL] = level
+    try:
+        log_to_stderr()
+        yield
+    finally:
+        if before is None:
+            del os.environ[LEVEL]
+        else:
+            os.environ[LEVEL] = before
+
+
 def _one_line(error: LumpwatchError) -> str:
     """What it says. Where packages of the service are missing, so is what prints it, and the words are our own."""
     try:
@@ -112,7 +133,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     alone = {"--version", *(name for names in _MODULES.values() for name in names)}
     try:
         arguments = parser(given[0] if given and given[0] in alone else None).parse_args(given)
-        return int(arguments.command(arguments))
+        with _loudness(getattr(arguments, "log_level", None)):
+            return int(arguments.command(arguments))
     except SystemExit as error:
         return error.code if isinstance(error.code, int) else 2
     except LumpwatchError as error:

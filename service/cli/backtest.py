@@ -19,6 +19,7 @@ from lumpwatch.service.cli.common import (
     Commands,
     add_command,
     add_json,
+    add_loudness,
     camera_of,
     progress,
     roi_of,
@@ -105,6 +106,7 @@ def add(commands: Commands) -> None:
         "--out", type=Path, metavar="DIR", help="folder for backtest.json, lumps.csv and backtest.png"
     )
     add_json(parser, "print what backtest.json holds")
+    add_loudness(parser)
 
 
 def backtest(arguments: argparse.Namespace) -> int:

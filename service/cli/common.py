@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import logging
 import math
 import os
 import signal
@@ -20,13 +21,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
-from lumpwatch.service.core import seconds_of
+from lumpwatch.service.core import log_level, seconds_of
 from lumpwatch.service.errors import ConfigError
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 else:
     Commands = object
+
+log = logging.getLogger(__name__)
 
 Command = Callable[[argparse.Namespace], int]
 
@@ -54,6 +57,16 @@ def add_json(parser: argparse.ArgumentParser, text: str = "print what was found 
 def tell_json(content: object) -> None:
     """Print it on standard output, for another program; what JSON has no number for is an error, never printed."""
     sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def add_loudness(parser: argparse.ArgumentParser) -> None:
+    """Add `--quiet` and `--verbose`, which stand for levels of `LUMPWATCH_LOG_LEVEL`."""
+    group = parser.add_mutually_exclusive_group()
+    for short, name, level, text in (
+        ("-q", "--quiet", "warning", "warnings and errors alone on standard error: no progress, no log"),
+        ("-v", "--verbose", "debug", "what is being done, on standard error, in place of progress"),
+    ):
+        group.add_argument(short, name, action="store_const", const=level, dest="log_level", help=text)
 
 
 def duration(text: str) -> float:
@@ -101,14 +114,18 @@ def _only(option: str, ids: list[str]) -> str:
 def progress(title: str, total: int | None) -> Iterator[Callable[[int], None]]:
     """A progress bar on a terminal, nothing elsewhere; yields what to call with the count so far.
 
+    The bar belongs to the log level info. At debug the log has begin and end of the stage instead.
     Where `LUMPWATCH_PROGRESS` names a file, another program follows: it holds `stage`, `done` and `total` as JSON.
     """
     if file := os.environ.get("LUMPWATCH_PROGRESS"):
         yield ProgressFile(Path(file), title, total).told
         return
+    log.debug("%s: begins", title)
+    started = time.perf_counter()
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if not console.is_terminal or log_level() != logging.INFO:
         yield lambda _: None
+        log.debug("%s: done after %.1f s", title, time.perf_counter() - started)
         return
     columns = (
         TextColumn("{task.description}", markup=False),

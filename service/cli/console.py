@@ -6,7 +6,7 @@ import argparse
 import logging
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, stop_on_signals
 from lumpwatch.service.config import load_config
 from lumpwatch.service.console import run_console
 from lumpwatch.service.core import log_to_stderr
@@ -24,6 +24,7 @@ def add(commands: Commands) -> None:
         "lumpwatch console site.yaml",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
+    add_loudness(parser)
 
 
 def console(arguments: argparse.Namespace) -> int:

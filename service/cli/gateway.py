@@ -7,7 +7,7 @@ import logging
 import sys
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, stop_on_signals
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import log_to_stderr
 from lumpwatch.service.gateway import RegisterMap, as_csv, as_json, as_table, run_gateway
@@ -30,6 +30,7 @@ def add(commands: Commands) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--csv", action="store_true", help="the map as CSV")
     form.add_argument("--json", action="store_true", help="the map as JSON")
+    add_loudness(parser)
 
 
 def gateway(arguments: argparse.Namespace) -> int:

@@ -14,7 +14,15 @@ from rich.table import Table
 
 from lumpwatch.models.picture.region import Measure
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, progress, tell_json
+from lumpwatch.service.cli.common import (
+    Commands,
+    add_command,
+    add_json,
+    add_loudness,
+    camera_of,
+    progress,
+    tell_json,
+)
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import Reference, ReferenceStore
@@ -52,6 +60,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--use", type=int, metavar="N", help="learn nothing, go back to stored version N")
     add_json(parser, "print the thresholds as JSON (not with --use)")
+    add_loudness(parser)
 
 
 def reference(arguments: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, progress, roi_of
 from lumpwatch.service.config import RoiConfig, SiteConfig, load_config
 from lumpwatch.service.offline import archive, boxes_of
 from lumpwatch.service.storage import FootageArchive, Prior, PriorStore, StoreError
@@ -51,6 +51,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--camera", metavar="ID", help="camera of the prior (default: the only one)")
     parser.add_argument("--roi", metavar="ID", help="ROI of the prior (default: the only one)")
+    add_loudness(parser)
 
 
 def refine_command(arguments: argparse.Namespace) -> int:

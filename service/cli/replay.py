@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, progress
+from lumpwatch.service.cli.common import Commands, add_command, add_json, add_loudness, camera_of, progress
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline
@@ -79,6 +79,7 @@ def add(commands: Commands) -> None:
         help="run that version of the prior in shadow; how it differs is written to shadow.json",
     )
     add_json(parser, "print what summary.json holds")
+    add_loudness(parser)
 
 
 def replay(arguments: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import argparse
 import logging
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, stop_on_signals
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, stop_on_signals
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import log_to_stderr
 from lumpwatch.service.runtime import (
@@ -39,6 +39,7 @@ def add(commands: Commands) -> None:
         choices=("camera", "monitor"),
         help="only the processes that read cameras, or only those that filter; the others run elsewhere",
     )
+    add_loudness(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

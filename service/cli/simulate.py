@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, progress
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, progress
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.simulator import FeedSpec, write_video
 
@@ -25,6 +25,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--set", default="", metavar="QUERY", help="anything else of the feed, key=value joined by &"
     )
+    add_loudness(parser)
 
 
 def simulate(arguments: argparse.Namespace) -> int:

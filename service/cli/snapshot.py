@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, duration, progress
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, duration, progress
 from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 
@@ -37,6 +37,7 @@ def add(commands: Commands) -> None:
         metavar="TIME",
         help="length, such as 90s or 2m (default 60s)",
     )
+    add_loudness(parser)
 
 
 def _where(parser: argparse.ArgumentParser, text: str) -> None:

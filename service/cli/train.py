@@ -15,7 +15,7 @@ from rich.table import Table
 
 from lumpwatch.models.learning.learned import HistogramFit, Learned
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, progress, roi_of
+from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, progress, roi_of
 from lumpwatch.service.cli.refine import archive_of, keep_footage
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig, load_config
 from lumpwatch.service.errors import ConfigError
@@ -116,6 +116,7 @@ def add(commands: Commands) -> None:
         metavar="IDS",
         help="before training, turn these proposals of LABELS into labels: ids as in 1,3,4, or all",
     )
+    add_loudness(parser)
 
 
 def train(arguments: argparse.Namespace) -> int:

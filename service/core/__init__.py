@@ -67,7 +67,7 @@ from lumpwatch.service.core.detection import (
 from lumpwatch.service.core.duration import moment_of, seconds_of
 from lumpwatch.service.core.feed import FeedState, FeedStatus, PlantFeed, VisibleSizes
 from lumpwatch.service.core.frame import Encoding, Frame
-from lumpwatch.service.core.logs import LEVEL, log_to_stderr
+from lumpwatch.service.core.logs import LEVEL, log_level, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
 from lumpwatch.service.core.plain_text import printable
 from lumpwatch.service.core.spells import Spells
@@ -123,6 +123,7 @@ __all__ = [
     "frame_rate",
     "label_object",
     "label_of",
+    "log_level",
     "log_to_stderr",
     "luma_of",
     "moment_of",

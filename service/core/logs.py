@@ -14,12 +14,18 @@ LEVEL = "LUMPWATCH_LOG_LEVEL"
 """Environment variable: debug, info (default), warning or error; worker processes inherit it."""
 
 
+def log_level() -> int:
+    """The level that the environment asks for; info where it asks for none that there is."""
+    return logging.getLevelNamesMapping().get(os.environ.get(LEVEL, "info").upper(), logging.INFO)
+
+
 def log_to_stderr() -> None:
-    """Set up the root logger of this process."""
-    level = logging.getLevelNamesMapping().get(os.environ.get(LEVEL, "info").upper(), logging.INFO)
+    """Set up logging of this process. Libraries log at info at most: at debug some write pages."""
+    level = log_level()
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(OneLine(_FORMAT, "%Y-%m-%dT%H:%M:%S"))
-    logging.basicConfig(level=level, handlers=[handler], force=True)
+    logging.basicConfig(level=max(level, logging.INFO), handlers=[handler], force=True)
+    logging.getLogger("lumpwatch").setLevel(level)
 
 
 class OneLine(logging.Formatter):
