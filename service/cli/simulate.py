@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from lumpwatch.service.cli.common import Commands, add_command, add_loudness, progress
@@ -45,5 +46,9 @@ def simulate(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"--seconds {arguments.seconds:g}: {error}") from error
     except OSError as error:
         raise LumpwatchError(f"{arguments.out}: cannot be written ({error.strerror})") from error
+    if written.site_kept:
+        sys.stderr.write(
+            f"lumpwatch: warning: {written.site} was there already and stays; it may not fit this feed\n"
+        )
     print(f"{written.video}\n{written.labels}\n{written.spec}\n{written.site}")  # noqa: T201 - the command's output
     return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lumpwatch.service.core import VideoWriter
@@ -22,6 +22,8 @@ class WrittenFeed:
     labels: Path
     spec: Path
     site: Path
+    site_kept: bool = False
+    """Whether another `site.yaml` was there, which was left as it is."""
 
 
 def write_video(
@@ -32,6 +34,7 @@ def write_video(
     `gt.txt` is MOTChallenge text without a header, `frame,id,x,y,w,h,conf,class,visibility,model`:
     frame from 1, box in pixels of the whole picture (0 is the left and upper border), conf and
     class 1, visibility 0..1, and in the tenth column the model that moves the lump, `belt` or `fall`.
+    A `site.yaml` that is there already stays as it is: it may be somebody's own.
     The video is H.264 of the quality `spec.h264_crf` (20 where it is none), coded once.
     `progress` gets the number of frames done and to do. Raises ValueError where `seconds` holds no
     frame, OSError where a file cannot be written.
@@ -40,7 +43,12 @@ def write_video(
     if frames < 1:
         raise ValueError(f"{seconds:g} s hold no frame at {spec.fps:g} frames a second")
     out_dir.mkdir(parents=True, exist_ok=True)
-    paths = WrittenFeed(*(out_dir / name for name in ("video.mp4", "gt.txt", "spec.json", "site.yaml")))
+    paths = WrittenFeed(
+        video=out_dir / "video.mp4",
+        labels=out_dir / "gt.txt",
+        spec=out_dir / "spec.json",
+        site=out_dir / "site.yaml",
+    )
     crf = _CRF if spec.h264_crf is None else spec.h264_crf
     simulator = FeedSimulator(spec.model_copy(update={"h264_crf": None}))
     lumps: dict[int, dict[str, object]] = {}
@@ -69,7 +77,12 @@ def write_video(
         "lumps": {str(key): value for key, value in sorted(lumps.items())},
     }
     paths.spec.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-    paths.site.write_text(_configuration(simulator), encoding="utf-8")
+    configuration = _configuration(simulator)
+    try:
+        with paths.site.open("x", encoding="utf-8") as site:
+            site.write(configuration)
+    except FileExistsError:
+        return replace(paths, site_kept=paths.site.read_bytes() != configuration.encode())
     return paths
 
 

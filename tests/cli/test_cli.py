@@ -409,7 +409,9 @@ def test_a_feed_is_simulated_and_learned_from(capsys: Captured, config: Path, tm
         *("simulate", tmp_path / "feed", "--seconds", 4, "--seed", 3),
         *("--set", "width=200&height=160&lumps_per_minute=60&fps=10&lump_spacing_s=0"),
     )
-    assert [Path(line).name for line in told.splitlines()] == ["video.mp4", "gt.txt", "spec.json"]
+    assert [Path(line).name for line in told.splitlines()] == [
+        *("video.mp4", "gt.txt", "spec.json", "site.yaml")
+    ]
     about = json.loads((tmp_path / "feed" / "spec.json").read_text())
     assert (about["frames"], about["spec"]["seed"]) == (40, 3)
     tree = site_tree()

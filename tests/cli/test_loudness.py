@@ -79,5 +79,13 @@ def test_libraries_do_not_fill_the_log(capsys: Captured, tmp_path: Path) -> None
     assert "a page" not in err
 
 
+def test_a_configuration_that_is_there_stays(capsys: Captured, tmp_path: Path) -> None:
+    simulated(capsys, tmp_path)
+    assert simulated(capsys, tmp_path)[1] == ""  # the same feed again
+    (tmp_path / "site.yaml").write_text("site: mine\n")
+    assert "site.yaml was there already and stays" in simulated(capsys, tmp_path)[1]
+    assert (tmp_path / "site.yaml").read_text() == "site: mine\n"
+
+
 def test_both_are_refused(capsys: Captured) -> None:
     assert "not allowed with" in failed(capsys, "run", "site.yaml", "--quiet", "--verbose", code=2)
