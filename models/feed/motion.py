@@ -27,6 +27,10 @@ _ZERO_PX = 0.3
 """A peak nearer to zero is that of something that stands, in front of what may move."""
 _MOVING_SHARE, _STANDING_SHARE = 0.25, 0.5
 """Share of the covered tiles that must agree; neither may be fewer than those that say the other."""
+_PLAIN = 0.03
+"""What stands is material only where its contrast is not below this. Fainter texture that stands may as well be the
+picture's own, such as the grid of a filmed monitor, a coder's blocks or a dirty lens, before a load too fine to be seen
+to move; what is the picture's own never moves with a belt, so faint texture that moves does tell."""
 _SAME = 0.05
 """Grey levels: pictures that differ by less on average are one picture, sent twice."""
 
@@ -49,6 +53,8 @@ class Motion:
     along: float | None = None
     """Weighted median of what each tile says of the belt's speed, in units of `slope` times px/s; None where it is not
     told, and without a slope."""
+    plain: bool = True
+    """Whether most of the tiles that say so show plain texture: only then is what is slow material that stands."""
 
 
 @dataclass(slots=True)
@@ -86,7 +92,10 @@ class FeedMotion:
             self._seen.popleft()
 
     def compare(self, bare_below: float) -> Motion:
-        """What the newest picture says, beside an earlier one."""
+        """What the newest picture says, beside an earlier one.
+
+        Of the tiles with a contrast of `bare_below` at least; only those with that of plain texture say that it stands.
+        """
         if not self._seen:
             return Motion(Moves.UNTOLD)
         newest = self._seen[-1]
@@ -96,13 +105,14 @@ class FeedMotion:
         voting = self._belt & self._covered(newest.reduced, bare_below)
         if not voting.any():
             return Motion(Moves.UNTOLD)
+        plain = voting & self._covered(newest.reduced, max(bare_below, _PLAIN))
         before = [seen for seen in self._seen if newest.time_s - seen.until_s <= 2.0 * LONGEST_S][:-1]
         if not before:
             return Motion(Moves.UNTOLD)
 
         def judged(earlier: _Seen) -> tuple[Motion, float]:
             found = self._flow.between(self._spectra(earlier), self._spectra(newest))
-            return self._judge(found, voting, newest.time_s - earlier.until_s)
+            return self._judge(found, voting, plain, newest.time_s - earlier.until_s)
 
         wanted = min(before, key=lambda seen: abs(newest.time_s - seen.until_s - self._wanted_s))
         motion, fastest = judged(wanted)
@@ -141,7 +151,9 @@ class FeedMotion:
         bare = (self._cover.contrast(reduced) < bare_below).ravel()
         return np.asarray(self._cells @ bare <= 0.5 * self._cells.sum(axis=1))
 
-    def _judge(self, found: Displacement, voting: NDArray[np.bool_], lag_s: float) -> tuple[Motion, float]:
+    def _judge(
+        self, found: Displacement, voting: NDArray[np.bool_], plain: NDArray[np.bool_], lag_s: float
+    ) -> tuple[Motion, float]:
         """What it says, and how far the fastest tiles have moved, reduced px."""
         at_zero = np.hypot(*found.shift.T) < _ZERO_PX
         # What stands before a belt, such as dirt on the lens, may be plainer than the belt.
@@ -154,9 +166,9 @@ class FeedMotion:
         least = max(_MOVING_SHARE * count, 0.5 * moved.sum(), float(still.sum()), 1.0)
         if together.sum() >= least:
             told, moves = together, Moves.MOVING
-        elif still.sum() >= max(_STANDING_SHARE * count, 1.0):
-            told, moves = still, Moves.STANDING
-        elif found.around_zero[voting].mean(axis=0).max() >= _TOGETHER / np.sqrt(count):
+        elif (still & plain).sum() >= max(_STANDING_SHARE * count, 1.0):
+            told, moves = still & plain, Moves.STANDING
+        elif 2 * plain.sum() >= count and _stand_together(found.around_zero[plain]):
             nothing = None if self._slope is None else 0.0
             return Motion(Moves.STANDING, np.zeros(2), nothing), 0.0
         else:
@@ -168,7 +180,13 @@ class FeedMotion:
             slope = self._slope[told]
             sure = peak[told] / np.hypot(*slope.T)
             along = _median((slope * velocity).sum(axis=1), sure)
-        return Motion(moves, median, along), float(np.quantile(np.hypot(*shift[told].T), 0.9))
+        most = bool(2 * (told & plain).sum() >= told.sum())
+        return Motion(moves, median, along, most), float(np.quantile(np.hypot(*shift[told].T), 0.9))
+
+
+def _stand_together(around_zero: NDArray[np.float32]) -> bool:
+    """Whether tiles (n, 3, 3) stand as a whole, though noise hides each of them."""
+    return bool(around_zero.mean(axis=0).max() >= _TOGETHER / np.sqrt(len(around_zero)))
 
 
 def _agrees(

@@ -23,7 +23,8 @@ class FeedConfig(Strict):
     bare_below: Annotated[float, Field(gt=0.0, le=1.0)] = 0.03
     """Where the pictures have less contrast than this, as a share of their brightness, the belt is bare."""
     empty_below: Unit = 0.10
-    """With less than this share of the belt covered it is empty."""
+    """With less than this share of the belt covered it is empty, once three times `filled_above` were seen to move;
+    unknown before, because fines that no camera resolves look like a bare belt."""
     filled_above: Unit = 0.15
     """With more than this it is no longer."""
     delay_s: Delay = 0.2

@@ -13,7 +13,7 @@ class FeedState(StrEnum):
     STOPPED = "stopped"
     """There is material, and it stands."""
     EMPTY = "empty"
-    """Hardly any material lies there, whether the belt runs or stands."""
+    """Hardly any material lies there, whether the belt runs or stands, where material was seen to pass before."""
     UNKNOWN = "unknown"
     """It cannot be told: too little has been seen, or what is seen neither moves nor stands recognisably."""
 

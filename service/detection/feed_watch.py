@@ -23,6 +23,9 @@ _RESUMES = 1.5
 """What stands must move so much faster than the limit to count as running again."""
 _SMOOTHED, _REMEMBERED_S = 3, 1.0
 _ROUNDING_S = 1e-3
+_CARRIES, _CARRIES_S = 3.0, 1.0
+"""Material is known to show in a region where so many times `filled_above` was seen to move for so long: more than one
+lump among fines that do not show."""
 
 
 class FeedWatch:
@@ -55,6 +58,9 @@ class FeedWatch:
         self._next: tuple[FeedState, float] | None = None
         self._speeds: deque[tuple[float, float, float, float]] = deque(maxlen=_SMOOTHED)
         """Of the last comparisons that told: when, along x and y in working px/s, and on the belt in mm/s."""
+        self._carries_since_s: float | None = None
+        self._shows = False
+        """Whether material is known to show here: else a smooth picture may be a bare belt or a belt full of fines."""
         self._loads: deque[float] = deque(maxlen=_SMOOTHED)
         self.status = FeedStatus()
         """What is known now, but for what the plant says."""
@@ -73,7 +79,19 @@ class FeedWatch:
             self._enter(state, time_s)
         elif time_s - self._told_s > self._config.unknown_after_s:
             self._become(FeedState.UNKNOWN, time_s)
+        self._learn(time_s)
         self._tell()
+
+    def _learn(self, time_s: float) -> None:
+        """Texture that stands may be the picture's own; what is seen to run is material."""
+        filled = self._config.filled_above
+        runs = self.status.state is FeedState.RUNNING
+        if not runs or median(self._loads) < min(_CARRIES * filled, 0.5 * (1.0 + filled)):
+            self._carries_since_s = None
+        elif self._carries_since_s is None:
+            self._carries_since_s = time_s
+        elif time_s - self._carries_since_s >= _CARRIES_S - _ROUNDING_S:
+            self._shows = True
 
     def _limit(self, calibration: CalibrationConfig | None) -> float:
         """The slowest speed that counts as running: mm/s, without a calibration working px/s."""
@@ -95,11 +113,13 @@ class FeedWatch:
         speed = self._speed() if motion.velocity is not None else None
         limit = self._config.filled_above if before is FeedState.EMPTY else self._config.empty_below
         if median(self._loads) < limit:
-            return FeedState.EMPTY
+            return FeedState.EMPTY if self._shows else None
         if speed is None:
             return None
         slowest = self._slowest * (_RESUMES if before is FeedState.STOPPED else 1.0)
-        return FeedState.STOPPED if speed < slowest else FeedState.RUNNING
+        if speed >= slowest:
+            return FeedState.RUNNING
+        return FeedState.STOPPED if motion.plain else None
 
     def _speed(self) -> float | None:
         """In units of the limit: a camera that shakes moves what stands to and fro."""
@@ -130,10 +150,11 @@ class FeedWatch:
         elif state is not FeedState.UNKNOWN and self._speeds:
             _, x, y, along = (median(values) for values in zip(*self._speeds, strict=True))
             px_s = float(np.hypot(x, y)) / self._roi.scale
+        load = median(self._loads)
         self.status = replace(
             self.status,
             since_s=self._since_s,
             speed_px_s=px_s,
             speed_mm_s=along if self._calibrated else None,
-            load=None if not self._loads else median(self._loads),
+            load=load if self._shows or load >= self._config.empty_below else None,
         )

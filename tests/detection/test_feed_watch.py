@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import av
 import cv2
 import numpy as np
 import pytest
@@ -12,6 +15,8 @@ from lumpwatch.service.core import FeedState, FeedStatus, PlantFeed
 from lumpwatch.service.detection.feed_watch import FeedWatch
 from lumpwatch.service.detection.plant_signal import PlantSignal
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
+from tests.footage import footage_folder
+from tests.reproduction.real.cctv import BELTS
 
 SETTLES_S = 1.0
 
@@ -127,6 +132,87 @@ def test_pictures_that_tell_nothing_make_the_state_unknown_and_no_zero() -> None
         watch.step(np.clip(100 + 150 * field, 0, 255).astype(np.uint8), feed.time_s + 0.3 * k)
     assert (before, watch.status.state) == (FeedState.RUNNING, FeedState.UNKNOWN)
     assert (watch.status.speed_mm_s, watch.status.speed_px_s) == (None, None)
+
+
+POLYGON = [(0.1, 0.0), (0.9, 0.0), (0.9, 1.0), (0.1, 1.0)]
+SIZE = (240, 180)
+
+
+def smooth(k: int, grid: float) -> np.ndarray:
+    """Fines that no camera resolves, or bare rubber: light that falls off, noise, a monitor's grid that stands."""
+    y, x = np.mgrid[: SIZE[1], : SIZE[0]]
+    light = 110.0 - 0.1 * y + grid * (np.sin(0.9 * x) + np.sin(0.5 * y + 0.4 * x))
+    return np.clip(light + np.random.default_rng(k).normal(0.0, 0.7, light.shape), 0, 255).astype(np.uint8)
+
+
+def coarse(k: int, rows: slice = slice(None)) -> np.ndarray:
+    """The same with ore in these rows, 6 px further in each picture."""
+    field = cv2.GaussianBlur(np.random.default_rng(9).normal(size=(900, SIZE[0])), (0, 0), 2.0)
+    ore = np.roll(110.0 + 25.0 * field / field.std(), 6 * k, axis=0)[: SIZE[1]]
+    picture = smooth(k, 0.0)
+    picture[rows] = np.clip(ore, 0, 255)[rows]
+    return picture
+
+
+def states(pictures: Iterable[np.ndarray], bare_below: float = 0.03) -> list[FeedState]:
+    """What is said after each, ten a second."""
+    roi = make_roi(POLYGON, *SIZE, 320)
+    watch = FeedWatch(FeedConfig(bare_below=bare_below, unknown_after_s=1.0), None, roi, SIZE)
+    said = []
+    for k, picture in enumerate(pictures):
+        watch.step(roi.cut(picture), 0.1 * k)
+        said.append(watch.status.state)
+    return said
+
+
+@pytest.mark.parametrize("grid", [0.0, 0.7])
+@pytest.mark.parametrize("bare_below", [0.03, 0.004, 0.001])
+def test_a_smooth_belt_is_unknown_where_nothing_is_known_to_have_passed(
+    bare_below: float, grid: float
+) -> None:
+    assert set(states((smooth(k, grid) for k in range(40)), bare_below)) == {FeedState.UNKNOWN}
+
+
+def test_a_smooth_belt_is_empty_where_coarse_ore_has_passed() -> None:
+    said = states([*(coarse(k) for k in range(20)), *(smooth(k, 0.7) for k in range(20))])
+    assert (said[19], said[-1]) == (FeedState.RUNNING, FeedState.EMPTY)
+
+
+def test_one_lump_in_fines_does_not_make_the_fines_a_bare_belt() -> None:
+    lump = (coarse(k, slice(8 * k, 8 * k + 40)) for k in range(20))
+    said = states([*lump, *(smooth(k, 0.7) for k in range(30))])
+    assert FeedState.RUNNING in said
+    assert FeedState.EMPTY not in said
+    assert said[-1] is FeedState.UNKNOWN
+
+
+@pytest.mark.footage
+@pytest.mark.parametrize(
+    ("belt", "bare_below", "right"),
+    [
+        ("limestone", 0.03, FeedState.RUNNING),
+        ("fines", 0.03, FeedState.UNKNOWN),
+        ("fines", 0.004, FeedState.UNKNOWN),
+    ],
+)
+def test_real_belts_that_run_are_not_said_to_be_empty_or_to_stand(
+    belt: str, bare_below: float, right: FeedState
+) -> None:
+    folder = footage_folder("belt-cctv", BELTS[belt].file)
+    if folder is None:
+        pytest.skip("needs the belts of belt-cctv (../shared/data/belt-cctv)")
+    with av.open(str(folder / BELTS[belt].file)) as container:
+        pictures = [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
+    height, width = pictures[0].shape
+    roi = make_roi([(x / width, y / height) for x, y in BELTS[belt].quad], width, height, 320)
+    watch = FeedWatch(FeedConfig(bare_below=bare_below), None, roi, (width, height))
+    said = []
+    for k, picture in enumerate(pictures):
+        watch.step(roi.cut(np.asarray(picture, np.uint8)), k / 24.0)
+        said.append(watch.status.state)
+    assert set(said[12:]) == {right}
+    assert (watch.status.load is None) == (belt == "fines" and bare_below == 0.03)
+    assert set(said) <= {right, FeedState.UNKNOWN}
 
 
 RUNS = FeedStatus(FeedState.RUNNING, speed_mm_s=600.0)

@@ -67,6 +67,18 @@ def test_what_stands_stands_under_noise_that_hides_each_tile() -> None:
     assert moves.compare(0.0).moves is Moves.STANDING
 
 
+@pytest.mark.parametrize(("step", "moves"), [(0.0, Moves.UNTOLD), (5.0, Moves.MOVING)])
+def test_faint_texture_that_stands_may_be_the_pictures_own_and_tells_nothing(
+    step: float, moves: Moves
+) -> None:
+    feed, ore = motion(), 100.0 + 0.06 * (texture() - 100.0)
+    for k in range(6):
+        feed.add(seen(ore, 0, step * k, k, noise=0.3), 0.1 * k)
+    found = feed.compare(0.001)
+    assert found.moves is moves
+    assert found.plain == (moves is Moves.UNTOLD)  # what moves is told to be faint
+
+
 @pytest.mark.parametrize("speed", [4.0, 40.0, 110.0])
 def test_slow_and_fast_belts_are_measured_after_the_first_pictures(speed: float) -> None:
     moves, ore, told = motion(), texture(side=400), []
