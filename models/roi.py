@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import as_finite, check_shape
+
 Image = NDArray[np.uint8]
 
 
@@ -26,6 +28,14 @@ class View:
     """BGR of the working picture (h, w, 3), where a ROI asks for it."""
     inside: NDArray[np.int32]
     """Integral image (h + 1, w + 1) of the polygon mask."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError where the picture is not 8-bit, or not of the region's size."""
+        check_shape(self.inside, ("h + 1", "w + 1"), "inside")
+        height, width = self.inside.shape[0] - 1, self.inside.shape[1] - 1
+        _check_picture(self.gray, (height, width), "gray")
+        if self.colour is not None:
+            _check_picture(self.colour, (height, width, 3), "colour")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +93,10 @@ class Roi:
         return np.asarray(cv2.resize(part, (w, h), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
     def view(self, gray: Image, colour: Image | None = None) -> View:
-        """A working picture ready for a likelihood."""
+        """A working picture ready for a likelihood: `gray` (h, w) and `colour` (h, w, 3), uint8.
+
+        Raises ValueError for a picture of another size than the region's `shape` (`cut` makes one of a frame).
+        """
         return View(gray, colour, self.inside)
 
     def to_working(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -95,6 +108,13 @@ class Roi:
         """The inverse of `to_working`."""
         full = boxes / self.scale
         return np.hstack([full[:, :2] - full[:, 2:] / 2 + (self.x, self.y), full[:, 2:]])
+
+
+def _check_picture(picture: Image, shape: tuple[int, ...], name: str) -> None:
+    """A uint8 picture of the region's size."""
+    check_shape(picture, shape, f"the picture ({name})")
+    if picture.dtype != np.uint8:
+        raise ValueError(f"the picture ({name}) must be of uint8, 0 to 255, not of {picture.dtype}")
 
 
 def halved(picture: Image, times_smaller: int) -> Image:
@@ -116,10 +136,13 @@ def make_roi(polygon: Sequence[tuple[float, float]], width: int, height: int, wo
     """Geometry of a polygon in relative coordinates for pictures of `width` by `height` pixels.
 
     The longer side of the bounding box is scaled down to `working_size` pixels, never up. Raises
-    ValueError where fewer than 8 by 8 working pixels would be left.
+    ValueError where fewer than 8 by 8 working pixels would be left, and for a polygon that is not three corners
+    or more (k, 2).
     """
     size = np.array([width, height])
-    corners = np.asarray(polygon, dtype=float) * size
+    corners = as_finite(polygon, ("k", 2), "polygon") * size
+    if len(corners) < 3:
+        raise ValueError(f"polygon must have three corners or more, not {len(corners)}")
     low, high = corners.min(axis=0), corners.max(axis=0)
     longest = max(float((high - low).max()), 1.0)
     step = 1 << int(np.log2(max(longest / working_size, 1.0)))

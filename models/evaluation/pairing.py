@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from lumpwatch.models.checks import check_shape
 from lumpwatch.models.evaluation.tracks import Tracks
 
 Array = NDArray[np.float64]
@@ -57,7 +58,12 @@ def pair(result: Tracks, truth: Tracks) -> Pairing:
 
 
 def overlaps(a: Array, b: Array) -> Array:
-    """Overlap of each box of `a` (n, 4) with each of `b` (m, 4): shape (n, m)."""
+    """Overlap of each box of `a` (n, 4) with each of `b` (m, 4): shape (n, m).
+
+    Raises ValueError for boxes of another shape.
+    """
+    check_shape(a, ("n", 4), "a")
+    check_shape(b, ("m", 4), "b")
     a_start, a_end, b_start, b_end = a[:, :2], a[:, :2] + a[:, 2:], b[:, :2], b[:, :2] + b[:, 2:]
     shared = np.minimum(a_end[:, None], b_end) - np.maximum(a_start[:, None], b_start)
     intersection = np.maximum(shared, 0.0).prod(axis=2)

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import as_finite, as_probabilities, check_rng, check_shape, settle
 from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.jdt.switching import draw
 from lumpwatch.models.roi import Image
@@ -32,8 +33,17 @@ class PolygonBirths:
     model_probabilities: NDArray[np.float64]
     """P_b(alpha), (M,)."""
 
+    def __post_init__(self) -> None:
+        """Raises ValueError for pixels that are not (k, 2), and probabilities that do not sum to 1."""
+        check_shape(self.pixels, ("k", 2), "pixels")
+        if len(self.pixels) == 0:
+            raise ValueError("pixels must hold one pixel or more")
+        probabilities = as_probabilities(self.model_probabilities, "models", "model_probabilities")
+        settle(self, {"model_probabilities": probabilities})
+
     def draw(self, n: int, rng: np.random.Generator) -> tuple[States, Labels]:
         """`n` newborn states and their motion models."""
+        check_rng(rng)
         states = blank(n)
         _place(states, self.pixels, rng)
         values = self.profile.draw(states[:, Y], rng)
@@ -55,6 +65,15 @@ class KernelBirths:
     anywhere_share: float = 0.1
     """Objects that appear where none did in training are found more slowly, but found."""
 
+    def __post_init__(self) -> None:
+        """Raises ValueError for places that are not (k, 2), a bandwidth that is not (2,) and a share beyond 0 to 1."""
+        places = as_finite(self.places, ("k", 2), "places")
+        if len(places) == 0:
+            raise ValueError("places must hold one place or more")
+        settle(self, {"places": places, "bandwidth": as_finite(self.bandwidth, (2,), "bandwidth")})
+        if not 0.0 <= self.anywhere_share <= 1.0:
+            raise ValueError(f"anywhere_share must be from 0 to 1, not {self.anywhere_share}")
+
     def draw(self, n: int, rng: np.random.Generator) -> tuple[States, Labels]:
         """`n` newborn states and their motion models."""
         states, labels = self.anywhere.draw(n, rng)
@@ -70,7 +89,11 @@ class KernelBirths:
 def polygon_births(
     mask: Image, profile: RowProfile, model_probabilities: NDArray[np.float64]
 ) -> PolygonBirths:
-    """Births over the pixels where `mask` (h, w) is not zero; raises ValueError for an empty mask."""
+    """Births over the pixels where `mask` (h, w) is not zero, by the models' probabilities (M,).
+
+    Raises ValueError for an empty mask, and probabilities that do not sum to 1.
+    """
+    check_shape(mask, ("h", "w"), "mask")
     rows, columns = np.nonzero(mask)
     if len(rows) == 0:
         raise ValueError("the polygon covers no pixel")

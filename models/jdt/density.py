@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lumpwatch.models.state import VY, States, X, Y
+from lumpwatch.models.checks import check_shape
+from lumpwatch.models.state import SIZE, VY, States, X, Y
 
 COMPONENTS: dict[str, tuple[int, ...]] = {
     "row": (Y,),
@@ -43,6 +44,15 @@ class GridDensity:
     """Distance between knots (d,)."""
     values: NDArray[np.float64]
     """(M, n) or (M, n_first, n_second); zero everywhere for a model without samples."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError where origin, step or values do not fit one or two components."""
+        d = len(self.components)
+        if d not in (1, 2):
+            raise ValueError(f"components must be one or two columns of the state, not {d}")
+        check_shape(self.origin, (d,), "origin")
+        check_shape(self.step, (d,), "step")
+        check_shape(self.values, ("models", "n", "m")[: d + 1], "values")
 
     def at(self, states: States) -> NDArray[np.float64]:
         """Densities (n, M) of every model at the states (n, 8); zero outside the grid."""
@@ -123,6 +133,8 @@ def learn(
     """
     if len(states) == 0:
         raise ValueError("no training states: a density needs at least one")
+    check_shape(states, ("n", SIZE), "states")
+    check_shape(labels, (len(states),), "labels")
     if least_bandwidth <= 0:
         raise ValueError("least_bandwidth must be positive")
     data = states[:, list(components)]

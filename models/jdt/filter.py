@@ -20,21 +20,25 @@ section 3.5: the estimate of the product is unbiased).
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import inf, log
+from math import inf, isfinite, log
 from typing import Literal
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import check_known, check_rng, check_shape
 from lumpwatch.models.jdt.births import Births
+from lumpwatch.models.jdt.doors import check_belief, check_cause, check_parts, log_ratio_of
 from lumpwatch.models.jdt.existence import ExistenceChain
 from lumpwatch.models.jdt.motion import MotionModel, move_by_label
 from lumpwatch.models.jdt.resampling import Resampler, effective_size, systematic
 from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.jdt.switching import Switching, draw
-from lumpwatch.models.likelihood.base import Observation
+from lumpwatch.models.likelihood.base import Likelihood, Observation, look
+from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import Belief, Estimate, H, Labels, States, W, X, Y
 
 Form = Literal["marginal", "sampled"]
@@ -83,12 +87,21 @@ class JdtFilter:
     """Which particles live on."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError where the models cannot all have their least share."""
+        """Raises ValueError where the parts do not fit the number of models, or a number is out of its range."""
+        check_parts(len(self.models), self.switching, self.births)
+        check_known(self.form, ("marginal", "sampled"), "form")
+        check_known(self.order, ("model_first", "state_first"), "order")
+        if self.particles < 2 or not 0.0 <= self.born_share < 1.0:
+            raise ValueError(
+                "particles must be 2 or more and born_share from 0 to below 1, "
+                f"not {self.particles} and {self.born_share}"
+            )
         if not 0.0 <= self.least_share * len(self.models) <= 1.0:
             raise ValueError(f"least_share {self.least_share:g} is too large for {len(self.models)} models")
 
     def start(self, rng: np.random.Generator) -> Belief:
-        """No object yet: newborn states, existence 0."""
+        """No object yet: newborn states, existence 0. Raises ValueError for an `rng` that is no Generator."""
+        check_rng(rng)
         states, labels = self.births.draw(self._survivors, rng)
         return Belief(states, labels, np.full(len(states), self.form == "marginal"), 0.0)
 
@@ -100,16 +113,42 @@ class JdtFilter:
     def step(self, belief: Belief, observation: Observation, dt: float, rng: np.random.Generator) -> Step:
         """One frame, `dt` seconds after the last.
 
-        Raises ValueError for a dt that is not positive, and for a belief that leaves no particle to search with.
+        Raises ValueError for a dt that is not positive, for a belief that leaves no particle to search with or
+        is not one of this filter's, for states or log ratios that are not a number, and an `rng` that is no Generator.
         """
         if not 0.0 < dt < float("inf"):
             raise ValueError(f"dt must be positive and finite, not {dt}")
+        check_rng(rng)
         if self.form == "marginal" and not 0 < len(belief.states) < self.particles:
             raise ValueError(
                 f"the belief has {len(belief.states)} particles; of {self.particles} one must be left for newborn ones"
             )
+        check_belief(belief, len(self.models))
         advance = self._step_marginal if self.form == "marginal" else self._step_sampled
-        return advance(belief, observation, dt, rng)
+        step = advance(belief, observation, dt, rng)
+        if step.estimate is None or not isfinite(step.estimate.mean.sum()):
+            check_cause(belief, step.estimate)
+        return step
+
+    def run(
+        self,
+        pictures: Iterable[Image],
+        roi: Roi,
+        likelihood: Likelihood,
+        dt: float,
+        rng: np.random.Generator,
+        belief: Belief | None = None,
+    ) -> Iterator[Step]:
+        """A step for each working picture of a region, `dt` seconds apart: grey (h, w) or BGR (h, w, 3), uint8.
+
+        Goes on from `belief`, or from `start`. Raises ValueError as `step` does, and for a picture of another
+        size than the region's.
+        """
+        belief = self.start(rng) if belief is None else belief
+        for _, observation in look(pictures, roi, likelihood, dt):
+            step = self.step(belief, observation, dt, rng)
+            belief = step.belief
+            yield step
 
     def _step_marginal(
         self, belief: Belief, observation: Observation, dt: float, rng: np.random.Generator
@@ -125,7 +164,7 @@ class JdtFilter:
         mass = np.empty(len(states))
         mass[: len(old_states)] = alive / len(old_states) * correction
         mass[len(old_states) :] = born / len(new_states)
-        ratio, absent_ratio, log_scale = _ratios(observation.log_ratio(states))
+        ratio, absent_ratio, log_scale = _ratios(log_ratio_of(observation, states))
         weights = mass * ratio
         total = float(weights.sum())
         evidence = total + (1.0 - alive - born) * absent_ratio
@@ -153,7 +192,7 @@ class JdtFilter:
         )
         states[newborn], labels[newborn] = self.births.draw(int(newborn.sum()), rng)
 
-        ratio, absent_ratio, log_scale = _ratios(observation.log_ratio(states[exists]))
+        ratio, absent_ratio, log_scale = _ratios(log_ratio_of(observation, states[exists]))
         weights = np.full(len(states), absent_ratio)
         weights[exists] = ratio * correction[exists]
         total = float(weights.sum())
@@ -176,6 +215,7 @@ class JdtFilter:
         the weights put that right (importance sampling): a rare model keeps particles to try it.
         """
         rows, fell_back = self.switching.rows(states, labels, dt)
+        check_shape(rows, (len(states), len(self.models)), "what switching.rows gives")
         following, correction = self._draw_labels(rows, rng)
         moving = following if self.order == "model_first" else labels
         moved = move_by_label(self.models, states, moving, dt, rng)
@@ -198,7 +238,9 @@ def _ratios(log_ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], float,
 
     Third the logarithm of what they were divided by.
     """
-    largest = max(float(log_ratio.max(initial=0.0)), 0.0)
+    largest = float(log_ratio.max(initial=0.0))  # NaN where any of them is
+    if not largest < inf:
+        raise ValueError("observation.log_ratio gives NaN or +inf; -inf is for a state that cannot be")
     return np.exp(log_ratio - largest), float(np.exp(-largest)), largest
 
 

@@ -26,7 +26,8 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
-from lumpwatch.models.state import Labels, States
+from lumpwatch.models.checks import check_rng, check_shape
+from lumpwatch.models.state import SIZE, Labels, States
 
 Row = tuple[float, float, float, float, float, float, float]
 """Coefficients of (position, velocity, acceleration, 1, w1, w2, w3), the w independent and N(0, 1)."""
@@ -67,7 +68,12 @@ class AffineModel:
         raise NotImplementedError
 
     def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
-        """Draw the states (n, 8) after `dt` seconds; `states` is not changed."""
+        """Draw the states (n, 8) after `dt` seconds; `states` is not changed.
+
+        Raises ValueError for states of another shape, and an `rng` that is no Generator.
+        """
+        check_shape(states, ("n", SIZE), "states")
+        check_rng(rng)
         return _move(states, np.zeros(len(states), np.intp), np.array([self.law(dt)]), rng)
 
 
@@ -81,7 +87,9 @@ def move_by_label(
         if not isinstance(model, AffineModel):
             chosen = labels == m
             if chosen.any():
-                moved[chosen] = model.move(states[chosen], dt, rng)
+                own = model.move(states[chosen], dt, rng)
+                check_shape(own, (int(chosen.sum()), SIZE), f"what motion model {model.name} gives")
+                moved[chosen] = own
     return moved
 
 

@@ -21,8 +21,9 @@ state of all objects; the number of particles needed grows exponentially there, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -31,7 +32,8 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.jdt.existence import ExistenceChain
 from lumpwatch.models.jdt.filter import Diagnostics, JdtFilter
-from lumpwatch.models.likelihood.base import Observation
+from lumpwatch.models.likelihood.base import Likelihood, Observation, look
+from lumpwatch.models.roi import Image, Roi, View
 from lumpwatch.models.state import Belief, Estimate, H, States, W, X, Y
 
 _NEVER = 1e-12  # birth rate of a track: it is one object, and no other can take its place
@@ -113,7 +115,11 @@ class MultiJdtFilter:
     """Rate at which a track's description follows its appearance."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError where existence is not computed from the weights."""
+        """Raises ValueError where existence is not computed from the weights, or without tracks or particles."""
+        if self.most < 1 or self.track_particles < 1:
+            raise ValueError(
+                f"most and track_particles must be 1 or more, not {self.most} and {self.track_particles}"
+            )
         if self.single.form != "marginal":
             raise ValueError("several objects need the marginal form")
 
@@ -129,7 +135,10 @@ class MultiJdtFilter:
         dt: float,
         rng: np.random.Generator,
     ) -> MultiStep:
-        """One frame, `dt` seconds after the last; `appearance` is called where there are two tracks or more."""
+        """One frame, `dt` seconds after the last; `appearance` is called where there are two tracks or more.
+
+        Raises ValueError as `JdtFilter.step` does.
+        """
         appearances = appearance() if appearance is not None and len(belief.tracks) > 1 else None
         follower = self._follower()
         diagnostics = None
@@ -158,6 +167,25 @@ class MultiJdtFilter:
             search, next_id = self.single.start(rng), next_id + 1
         after = MultiBelief(tuple(tracks), search, next_id)
         return MultiStep(after, diagnostics or step.diagnostics, log_evidence)
+
+    def run(
+        self,
+        pictures: Iterable[Image],
+        roi: Roi,
+        likelihood: Likelihood,
+        dt: float,
+        rng: np.random.Generator,
+        *,
+        appearance: Callable[[View], Appearance] | None = None,
+        belief: MultiBelief | None = None,
+    ) -> Iterator[MultiStep]:
+        """As `JdtFilter.run`; `appearance` looks at a view, such as `HistogramAppearance().observe`."""
+        belief = self.start(rng) if belief is None else belief
+        for view, observation in look(pictures, roi, likelihood, dt):
+            of_view = None if appearance is None else partial(appearance, view)
+            step = self.step(belief, observation, of_view, dt, rng)
+            belief = step.belief
+            yield step
 
     def _follower(self) -> JdtFilter:
         """The filter of a track: no births, fewer particles."""

@@ -18,12 +18,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import check_rng, check_shape
+
 Weights = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Resampler = Callable[[Weights, int, np.random.Generator], Indices]
 """Draws `n` indices (n,) by weights (m,), which are not negative and need not sum to one.
 
-Raises ValueError where their sum is zero or not finite.
+Raises ValueError where their sum is zero or not finite; those here also for weights with two axes and a seed in the
+place of `rng`.
 """
 
 
@@ -32,7 +35,7 @@ def systematic(weights: Weights, n: int, rng: np.random.Generator) -> Indices:
 
     A `Resampler`; the indices come in ascending order.
     """
-    cumulative, total = _cumulative(weights)
+    cumulative, total = _cumulative(weights, rng)
     return _comb(cumulative, n, rng.random(), total / n)
 
 
@@ -41,13 +44,13 @@ def stratified(weights: Weights, n: int, rng: np.random.Generator) -> Indices:
 
     A `Resampler`; the indices come in ascending order.
     """
-    cumulative, total = _cumulative(weights)
+    cumulative, total = _cumulative(weights, rng)
     return _under(cumulative, (np.arange(n) + rng.random(n)) * (total / n))
 
 
 def multinomial(weights: Weights, n: int, rng: np.random.Generator) -> Indices:
     """`n` independent draws (Gordon, Salmond, Smith 1993); a `Resampler`."""
-    cumulative, total = _cumulative(weights)
+    cumulative, total = _cumulative(weights, rng)
     return _under(cumulative, rng.random(n) * total)
 
 
@@ -57,7 +60,10 @@ def effective_size(weights: Weights) -> float:
     return float(weights.sum()) ** 2 / square if square > 0.0 else 0.0
 
 
-def _cumulative(weights: Weights) -> tuple[Weights, float]:
+def _cumulative(weights: Weights, rng: np.random.Generator) -> tuple[Weights, float]:
+    if not hasattr(rng, "random"):
+        check_rng(rng)
+    check_shape(weights, ("m",), "weights")
     cumulative = np.cumsum(weights)
     total = float(cumulative[-1])
     if not np.isfinite(total) or total <= 0.0:

@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lumpwatch.models.state import VX, VY, H, States, W, Y
+from lumpwatch.models.checks import as_finite, check_shape, settle
+from lumpwatch.models.state import SIZE, VX, VY, H, States, W, Y
 
 ASPECT = 0.2
 """Standard deviation of the log of width over height around what is usual at the row, where none was learned."""
@@ -38,6 +39,17 @@ class RowProfile:
     """(rows, 4)"""
     aspect_spread: float = np.inf
     """Standard deviation of log(w / h) around what the row expects; infinite: sides do not know each other."""
+
+    def __post_init__(self) -> None:
+        """Raises ValueError for a mean or spread that is not (rows, 4) and finite, and rows without a distance."""
+        mean = as_finite(self.mean, ("rows", 4), "mean")
+        settle(self, {"mean": mean, "spread": as_finite(self.spread, (len(mean), 4), "spread")})
+        if (self.spread < 0.0).any():
+            raise ValueError("spread must not be negative")
+        if len(mean) == 0 or not 0.0 < self.row_step < float("inf"):
+            raise ValueError(
+                f"row_step must be positive and finite, with one row or more, not {self.row_step}"
+            )
 
     def at(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and spread (n, 4) at the rows (n,); the ends hold beyond them."""
@@ -106,7 +118,14 @@ def default_profile(height: float, smallest: float, largest: float, speed: float
     Widths and heights are spread around the geometric mean of `smallest` and `largest` (px) so that
     those lie two standard deviations out; velocities around zero along x and half of `speed` (px/s)
     downwards, with `speed` two standard deviations above zero.
+
+    Raises ValueError for sizes that are not positive or the wrong way round, and a negative speed.
     """
+    if not 0.0 < smallest <= largest < float("inf") or not 0.0 <= speed < float("inf"):
+        raise ValueError(
+            f"smallest and largest must be positive sizes in this order and speed not negative, "
+            f"not {smallest}, {largest} and {speed}"
+        )
     middle = 0.5 * (np.log(smallest) + np.log(largest))
     width = 0.25 * (np.log(largest) - np.log(smallest))
     mean = np.array([[0.0, 0.5 * speed, middle, middle]])
@@ -148,6 +167,7 @@ def learn_profile(states: States, height: float, least_log_size_spread: float = 
     """
     if len(states) == 0:
         raise ValueError("no training states: a row profile needs at least one")
+    check_shape(states, ("n", SIZE), "states")
     rows = np.linspace(0.0, height, 17)
     values = np.column_stack([states[:, VX], states[:, VY], np.log(states[:, W]), np.log(states[:, H])])
     log_kernel = -0.5 * ((rows[:, None] - states[None, :, Y]) / (0.1 * height)) ** 2

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import check_shape, settle
 from lumpwatch.models.jdt.density import GridDensity
 from lumpwatch.models.state import Labels, States
 
@@ -39,7 +40,9 @@ def check_matrix(matrix: Matrix) -> Matrix:
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise ValueError(f"a transition matrix is square, not {matrix.shape}")
     if not np.all(matrix >= 0) or not np.allclose(matrix.sum(axis=1), 1.0, atol=1e-9):
-        raise ValueError("the rows of a transition matrix are probabilities that sum to 1")
+        raise ValueError(
+            f"the rows of a transition matrix are probabilities that sum to 1, not to {matrix.sum(axis=1)}"
+        )
     return matrix
 
 
@@ -82,6 +85,19 @@ def conditional(joint: Matrix) -> Matrix:
     return np.where(totals > 0, joint / np.where(totals > 0, totals, 1.0), np.eye(len(joint)))
 
 
+def _checked(
+    matrix: Matrix, interval_s: float, momentary: NDArray[np.bool_]
+) -> dict[str, NDArray[np.float64] | NDArray[np.bool_]]:
+    """Matrix and momentary models as arrays that fit each other."""
+    matrix, flags = check_matrix(matrix), np.asarray(momentary)
+    check_shape(flags, (len(matrix),), "momentary")
+    if flags.dtype != np.bool_:
+        raise ValueError(f"momentary must be true or false for each model, not of {flags.dtype}")
+    if not 0.0 < interval_s < float("inf"):
+        raise ValueError(f"interval_s must be positive and finite, not {interval_s}")
+    return {"matrix": matrix, "momentary": flags}
+
+
 @dataclass(frozen=True, slots=True)
 class FixedSwitching:
     """Eq. 10 and 11: the next model depends on the last one only."""
@@ -92,8 +108,8 @@ class FixedSwitching:
     momentary: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
-        """Raises ValueError where a row of the matrix is no probability."""
-        check_matrix(self.matrix)
+        """Raises ValueError where a row of the matrix is no probability, or `momentary` is of another length."""
+        settle(self, _checked(self.matrix, self.interval_s, self.momentary))
 
     def rows(self, states: States, labels: Labels, dt: float) -> tuple[Matrix, NDArray[np.bool_]]:
         """The matrix row of each particle's label."""
@@ -112,8 +128,15 @@ class AdaptiveSwitching:
     density: GridDensity
 
     def __post_init__(self) -> None:
-        """Raises ValueError where a row of the matrix is no probability (a joint one has to be divided)."""
-        check_matrix(self.matrix)
+        """Raises ValueError where a row of the matrix is no probability (a joint one has to be divided).
+
+        Also where `momentary` or `density` is of another number of models.
+        """
+        settle(self, _checked(self.matrix, self.interval_s, self.momentary))
+        if len(self.density.values) != len(self.matrix):
+            raise ValueError(
+                f"density must be of the {len(self.matrix)} models of the matrix, not of {len(self.density.values)}"
+            )
 
     def rows(self, states: States, labels: Labels, dt: float) -> tuple[Matrix, NDArray[np.bool_]]:
         """Eq. 12 for each particle, Eq. 10 where no training state is near.

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from math import inf
 from typing import Protocol
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lumpwatch.models.roi import View
+from lumpwatch.models.checks import check_shape
+from lumpwatch.models.roi import Image, Roi, View
 from lumpwatch.models.state import States
 
 LEAST_INSIDE = 0.75
@@ -28,6 +31,28 @@ class Likelihood(Protocol):
 
     def observe(self, view: View, dt: float = inf) -> Observation:
         """Look at the picture once, `dt` seconds after the last. The observation holds until the next call."""
+
+
+def look(
+    pictures: Iterable[Image], roi: Roi, likelihood: Likelihood, dt: float
+) -> Iterator[tuple[View, Observation]]:
+    """Each working picture of a region, `dt` seconds apart: grey (h, w) or BGR (h, w, 3), uint8.
+
+    Raises ValueError for a picture of another size than the region's.
+    """
+    for t, picture in enumerate(pictures):
+        try:
+            view = _view(picture, roi)
+        except ValueError as error:
+            raise ValueError(f"picture {t}: {error}") from error
+        yield view, likelihood.observe(view, dt if t else inf)
+
+
+def _view(picture: Image, roi: Roi) -> View:
+    if getattr(picture, "ndim", 0) != 3:
+        return roi.view(picture)
+    check_shape(picture, (*roi.shape, 3), "the picture")
+    return roi.view(np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8), picture)
 
 
 def bounded(log_ratio: NDArray[np.float64], evidence: float, bound: float) -> NDArray[np.float64]:

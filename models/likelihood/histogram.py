@@ -23,6 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import as_probabilities, check_known
 from lumpwatch.models.likelihood.base import LEAST_INSIDE, bounded, box_edges, box_inside
 from lumpwatch.models.roi import Image, View
 from lumpwatch.models.state import States
@@ -68,6 +69,20 @@ class HistogramLikelihood:
     channel: Channel = "luma"
     _scratch: NDArray[np.uint64] | None = field(default=None, repr=False)
 
+    def __post_init__(self) -> None:
+        """Raises ValueError for a reference that is not (16,) and summing to 1, and numbers out of their range."""
+        self.reference = as_probabilities(self.reference, BINS, "reference")
+        check_known(self.channel, ("luma", "colour"), "channel")
+        if (
+            not np.isfinite([self.offset, self.slope]).all()
+            or not self.evidence >= 0.0
+            or not self.bound > 0.0
+        ):
+            raise ValueError(
+                "offset and slope must be finite, evidence not negative and bound positive, "
+                f"not {self.offset}, {self.slope}, {self.evidence} and {self.bound}"
+            )
+
     def observe(self, view: View, dt: float = inf) -> HistogramObservation:
         """Build the integral histogram of the picture."""
         bins = bin_image(view, self.channel)
@@ -88,8 +103,12 @@ class HistogramObservation:
 
     def distance(self, states: States) -> NDArray[np.float64]:
         """Squared Bhattacharyya distance (n,) to the reference; 1 for a box that leaves the polygon."""
+        return self.distance_to(states, self.likelihood.reference)
+
+    def distance_to(self, states: States, reference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same to any histogram (16,)."""
         counts, area = _counts(self.integral, self.inside, states, LEAST_INSIDE)
-        overlap = _roots(counts) @ np.sqrt(self.likelihood.reference)
+        overlap = _roots(counts) @ np.sqrt(reference)
         return 1.0 - overlap / np.sqrt(area)
 
     def log_ratio(self, states: States) -> NDArray[np.float64]:

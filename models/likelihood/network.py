@@ -96,6 +96,10 @@ class NetworkLikelihood:
         """Run the network on the picture. Raises NetworkError."""
         height, width = view.gray.shape
         logits = np.asarray(self.net(view.gray), dtype=np.float32)
+        if logits.ndim != 2 or logits.size == 0:
+            raise NetworkError(
+                f"gives an output of shape {logits.shape} where a map of logits (h, w) is expected"
+            )
         if not (np.abs(logits) < _LARGEST).all():
             raise NetworkError(f"gives numbers that are no logits (not finite, or beyond {_LARGEST:g})")
         covering = cv2.resize(logits, (width, height), interpolation=cv2.INTER_LINEAR)

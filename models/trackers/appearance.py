@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,4 @@ class BoxHistograms:
 
     def distance(self, states: States, description: NDArray[np.float64]) -> NDArray[np.float64]:
         """Squared Bhattacharyya distance (n,) of the boxes to a description, from 0 to 1."""
-        reference = replace(self.observation.likelihood, reference=description)
-        return HistogramObservation(reference, self.observation.integral, self.observation.inside).distance(
-            states
-        )
+        return self.observation.distance_to(states, description)

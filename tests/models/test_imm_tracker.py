@@ -242,7 +242,7 @@ def test_a_picture_of_another_size() -> None:
         np.random.default_rng(0),
     )
     one.step(draw([]), DT)
-    with pytest.raises(ValueError, match="differ in size"):
+    with pytest.raises(ValueError, match=r"picture must be .* \(120, 240, 3\), not \(50, 240, 3\)"):
         one.step(draw([])[:50], DT)
 
 

@@ -35,9 +35,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import as_finite, check_rng, check_shape
 from lumpwatch.models.jdt.motion import MotionModel, move_by_label
 from lumpwatch.models.jdt.resampling import Resampler, systematic
-from lumpwatch.models.state import Estimate, Labels, States
+from lumpwatch.models.state import SIZE, Estimate, Labels, States
 
 Array = NDArray[np.float64]
 MOVING = 6
@@ -97,7 +98,12 @@ class ImmFilter:
         return int(self.options.particles * self.options.least_share)
 
     def start(self, mean: Array, spread: Array, rng: np.random.Generator) -> ImmBelief:
-        """A newborn target: states around `mean` (8,) with standard deviations `spread` (8,), N / M a model."""
+        """A newborn target: states around `mean` (8,) with standard deviations `spread` (8,), N / M a model.
+
+        Raises ValueError for a mean or spread of another shape or not finite, and an `rng` that is no Generator.
+        """
+        check_rng(rng)
+        mean, spread = as_finite(mean, (SIZE,), "mean"), as_finite(spread, (SIZE,), "spread")
         n, count = self.options.particles, len(self.models)
         labels = np.sort(np.arange(n, dtype=np.intp) % count)
         states = mean + spread * rng.standard_normal((n, len(mean)))
@@ -105,16 +111,26 @@ class ImmFilter:
         return ImmBelief(states, 1.0 / numbers[labels], labels, np.full(count, 1.0 / count), 0)
 
     def predict(self, belief: ImmBelief, dt: float, rng: np.random.Generator) -> States:
-        """Draw the states after `dt` seconds (Eq. 7). Raises ValueError for a dt that is not positive."""
+        """Draw the states after `dt` seconds (Eq. 7). Raises ValueError for a dt that is not positive.
+
+        Also for an `rng` that is no Generator.
+        """
+        check_rng(rng)
         return predict_all(self.models, belief.states, belief.labels, dt, rng)
 
     def correct(self, belief: ImmBelief, states: States, log_likelihood: Array) -> tuple[ImmBelief, float]:
         """Weigh moved states (N, 8) by log p(Z | X) (N,), Eq. 8 and 9; also the log evidence.
 
         The evidence is the mean likelihood over Eq. 6 before the correction. Its logarithm is -inf, and the
-        weights stay, where no particle can be right.
+        weights stay, where no particle can be right. Raises ValueError for states or likelihoods of another number
+        than the belief's, and a likelihood that is NaN.
         """
+        n = len(belief.weights)
+        check_shape(states, (n, SIZE), "states")
+        check_shape(log_likelihood, (n,), "log_likelihood")
         weights, shares, log_evidence = _correct(belief.weights, belief.labels, belief.shares, log_likelihood)
+        if not np.isfinite(log_evidence) and not np.max(log_likelihood) < np.inf:
+            raise ValueError("log_likelihood is NaN or +inf; -inf is for 'cannot be'")
         return ImmBelief(states, weights, belief.labels, shares, belief.steps + 1), float(log_evidence)
 
     def resample(self, belief: ImmBelief, before: ImmBelief, rng: np.random.Generator) -> ImmBelief:

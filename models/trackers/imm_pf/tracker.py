@@ -14,13 +14,14 @@ confirmed newborn one near its last place that looks like it takes over its id.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import check_rng, check_shape
 from lumpwatch.models.jdt.motion import MotionModel
 from lumpwatch.models.roi import Image
 from lumpwatch.models.state import SIZE, VX, VY, H, States, W, X, Y
@@ -74,7 +75,8 @@ class ImmPfTracker:
         foreground: Foreground,
         rng: np.random.Generator,
     ) -> None:
-        """Raises ValueError where the options do not fit the number of models."""
+        """Raises ValueError where the options do not fit the number of models, or `rng` is no Generator."""
+        check_rng(rng)
         self._options, self._size = options, size
         self._filter = ImmFilter(tuple(models), options.filter)
         self._foreground, self._rng = foreground, rng
@@ -86,11 +88,20 @@ class ImmPfTracker:
     def step(self, picture: Image, dt: float) -> tuple[TrackedObject, ...]:
         """All objects after a BGR picture (h, w, 3), `dt` seconds after the last; unconfirmed ones as well.
 
-        Raises ValueError for a dt that is not positive, or a picture of another size than the last.
+        Raises ValueError for a dt that is not positive, a picture that is not (h, w, 3) of uint8, or one of another
+        size than the last.
         """
+        check_shape(picture, self._before.shape if self._before is not None else ("h", "w", 3), "picture")
+        if picture.dtype != np.uint8:
+            raise ValueError(f"picture must be of uint8, 0 to 255, not of {picture.dtype}")
         seen = reduced(picture, self._before, self._foreground.apply(picture))
         self._before = picture.copy()
         return self.advance(seen, dt)
+
+    def run(self, pictures: Iterable[Image], dt: float) -> Iterator[tuple[TrackedObject, ...]]:
+        """All objects after each BGR picture (h, w, 3), `dt` seconds apart; see `step`."""
+        for picture in pictures:
+            yield self.step(picture, dt)
 
     def advance(self, seen: PictureGrids, dt: float) -> tuple[TrackedObject, ...]:
         """The same for a picture that was looked at already."""
