@@ -15,6 +15,9 @@ from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Sw
 from lumpwatch.models.likelihood.base import Observation
 from lumpwatch.models.state import SIZE, Belief, Estimate, States
 
+_ROUNDING = 1e-9
+"""A quotient of sums may pass 1 by the last digits."""
+
 
 def check_parts(models: int, switching: Switching, births: Births) -> None:
     """Switching and births of as many models as there are; parts of a user's own show it at the first step."""
@@ -44,7 +47,7 @@ def check_belief(belief: Belief, models: int) -> None:
             "belief.labels must be whole numbers and belief.exists true or false, "
             f"not {belief.labels.dtype} and {belief.exists.dtype}"
         )
-    if not 0.0 <= belief.existence <= 1.0:
+    if not -_ROUNDING <= belief.existence <= 1.0 + _ROUNDING:
         raise ValueError(f"belief.existence must be a probability, not {belief.existence}")
     if n and not 0 <= belief.labels.min() <= belief.labels.max() < models:
         raise ValueError(f"belief.labels must be from 0 to {models - 1}, the index of a motion model")
