@@ -25,6 +25,8 @@ LENGTH_M = (0.2, 200.0)
 """Camera heights and belt lengths that are possible."""
 WIDE_DEG = 100.0
 """Lenses that see more than this bend straight lines."""
+_BEYOND = 0.6
+"""How far beyond the lip measured points may lie, in units of the belt before it: a mark on the structure, say."""
 _STEPS_M = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _GRID, _INK = (90, 220, 255), (255, 255, 255)
 
@@ -98,7 +100,7 @@ def check_geometry(config: CalibrationConfig, plane: BeltPlane, points: Array, l
             f"calibration: the belt would be {length_m:.3g} m long from its farthest point to the lip; "
             "check the order of the points, and the lip"
         )
-    if away.min() < -0.25 * length_m:
+    if away.min() < -_BEYOND * length_m:
         raise ValueError(
             "calibration: the lip runs between the points of the belt; it must lie where the belt ends"
         )

@@ -72,7 +72,7 @@ def test_the_figures_of_a_camera_that_is_known() -> None:
     [
         ({"far": WIDTH["near"], "near": WIDTH["far"]}, "far and near are swapped"),
         ({"lip": [[0.15, 0.05], [0.85, 0.05]]}, "side of the far edge"),
-        ({"lip": [[0.15, 0.45], [0.85, 0.45]]}, "runs between the points"),
+        ({"lip": [[0.15, 0.35], [0.85, 0.35]]}, "runs between the points"),
         ({"lip": [[0.1, 0.0], [0.9, 0.0]], "far": [[0.45, 0.2], [0.55, 0.2]]}, "horizon"),
         ({"width_mm": 240_000}, "above the belt"),
     ],
