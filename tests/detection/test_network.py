@@ -111,8 +111,14 @@ def network_of(path: Path) -> Any:
     ids=["missing", "empty", "text", "truncated", "classifier", "not-finite"],
 )
 def test_what_cannot_be_used_is_named(
-    content: bytes | None, reason: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    content: bytes | None,
+    reason: str,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("clip.mp4").touch()
     if content is not None:
         (tmp_path / "own.onnx").write_bytes(content)
     path = configured(tmp_path, input_px=[96, 64])
