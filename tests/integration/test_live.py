@@ -182,13 +182,23 @@ def test_malformed_frames_are_counted_and_harmless(daemon: Daemon) -> None:
     assert daemon.metric("lumpwatch_process_restarts_total") == 0
 
 
-def test_what_keeps_the_daemon_from_starting(daemon: Daemon) -> None:
-    """A port that is taken: one line that names it, and a code that is not 0."""
-    second = daemon.command("run", str(daemon.config))
+@pytest.mark.parametrize(
+    ("store", "reason"), [(None, "is watched by process"), ("other", "cannot listen on tcp/127.0.0.1")]
+)
+def test_what_keeps_the_daemon_from_starting(
+    daemon: Daemon, store: str | None, reason: str, tmp_path: Path
+) -> None:
+    """A store or a port that is taken: one line that names it, and a code that is not 0."""
+    config = daemon.config
+    if store is not None:
+        text = config.read_text(encoding="utf-8")
+        config = tmp_path / "site.yaml"
+        config.write_text(text.replace("{path: var", f"{{path: {tmp_path / store}"), encoding="utf-8")
+    second = daemon.command("run", str(config))
     assert second.returncode == 1
     told = [line for line in second.stderr.splitlines() if line.startswith("lumpwatch: ")]
     assert len(told) == 1
-    assert "cannot listen on tcp/127.0.0.1" in told[0]
+    assert reason in told[0]
     assert "Traceback" not in second.stderr
 
 

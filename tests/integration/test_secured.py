@@ -94,7 +94,7 @@ def test_a_secured_daemon_obeys_its_operators_alone(tmp_path: Path, monkeypatch:
         assert obeyed.returncode == 0, obeyed.stderr
         wait_for("acknowledged", lambda: daemon.metric(acknowledged[0], **acknowledged[1]) >= 1, 20)
 
-        shelve = ("shelve", *target, "--for", "60", "--reason", "test")
+        shelve = ("shelve", *target, "--for", "60s", "--reason", "test")
         refused = run("guest", daemon, *shelve, "--actor", "guest")
         assert refused.returncode == 1
         assert "allowed" in refused.stderr
