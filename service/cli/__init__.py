@@ -123,15 +123,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     use_one_thread()
     given = list(sys.argv[1:] if argv is None else argv)
-    if given in (["--help"], ["-h"]):
-        sys.stdout.write(overview())
-        return 0
     known = [name for names in _MODULES.values() for name in names]
     if given and not given[0].startswith("-") and given[0] not in known:
         sys.stderr.write(unknown(given[0], known))
         return 2
     alone = {"--version", *(name for names in _MODULES.values() for name in names)}
     try:
+        if given in (["--help"], ["-h"]):
+            sys.stdout.write(overview())
+            sys.stdout.flush()
+            return 0
         arguments = parser(given[0] if given and given[0] in alone else None).parse_args(given)
         with _loudness(getattr(arguments, "log_level", None)):
             return int(arguments.command(arguments))

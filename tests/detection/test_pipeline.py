@@ -660,7 +660,7 @@ def test_a_prior_that_fails_in_use_gives_way_to_the_one_before_with_an_alarm() -
     assert not after[-1].alarms[AlarmClass.SYSTEM].active
 
 
-def test_where_nothing_can_stand_in_the_region_is_blind() -> None:
+def test_where_nothing_can_stand_in_the_region_is_blind_and_the_filter_goes_on_trying() -> None:
     older, bad = prior(version=3), prior(version=4)
     both = [older.learned, bad.learned]
     made = CameraPipeline(
@@ -670,5 +670,9 @@ def test_where_nothing_can_stand_in_the_region_is_blind() -> None:
         make=lambda config, roi, learned: Broken(config, roi, learned, both),
     )
     results = [result for k in range(60) for result in made.process(frame(k), k / 10)]
-    # With this likelihood there are no defaults: the region says that it cannot judge.
-    assert (results[-1].decision, results[-1].reason) == (Decision.BLIND, BlindReason.UNFIT)
+    # With this likelihood there are no defaults: the prior stays, and once it works again the region sees again.
+    assert (results[-1].decision, results[-1].reason) == (Decision.BLIND, BlindReason.FILTER)
+    assert results[-1].alarms[AlarmClass.SYSTEM].active
+    both.clear()
+    later = [result for k in range(60, 160) for result in made.process(frame(k), k / 10)]
+    assert (later[-1].decision, later[-1].reason) == (Decision.CLEAR, None)
