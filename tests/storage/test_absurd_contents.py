@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import zipfile
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.learning.learned import Learned, LumpFit
 from lumpwatch.service.evidence.state_file import StateError, decode_state
 from lumpwatch.service.storage.arrays import load_arrays
@@ -41,6 +43,14 @@ def _fit(**changes: Any) -> Callable[[Learned], Learned]:
     return change
 
 
+def _forced(profile: RowProfile, **changes: object) -> RowProfile:
+    """With numbers that the profile itself would refuse, as a damaged file may hold them."""
+    made = copy.copy(profile)
+    for name, value in changes.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -63,9 +73,9 @@ def _fit(**changes: Any) -> Callable[[Learned], Learned]:
         _fit(offset=-1e6),
         lambda before: replace(before, density=replace(before.density, step=before.density.step * 0)),
         lambda before: replace(before, density=replace(before.density, values=-before.density.values - 1)),
-        lambda before: replace(before, profile=replace(before.profile, row_step=0.0)),
+        lambda before: replace(before, profile=_forced(before.profile, row_step=0.0)),
         lambda before: replace(before, profile=replace(before.profile, mean=before.profile.mean + 1e6)),
-        lambda before: replace(before, profile=replace(before.profile, spread=-before.profile.spread - 1)),
+        lambda before: replace(before, profile=_forced(before.profile, spread=-before.profile.spread - 1)),
         lambda before: _fit(scale=before.likelihood.scale * 0)(before),
         lambda before: _fit(weights=before.likelihood.weights + 1e6)(before),
     ],
