@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,28 +10,23 @@ import pytest
 
 from lumpwatch.service.config import load_config
 from tests.bus.test_bus_support import eventually
+from tests.console.chromium import chromium, needs_chromium
 from tests.console.plant import Console, Plant
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-CHROMIUM = shutil.which("chromium")
 AXE = Path(__file__).with_name("axe.min.js")
 TEXT = "<img src=x onerror=\"document.title='taken'\"><script>document.title='taken'</script>"
 VALID_S = 2.0
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Debian's chromium is not installed")
+pytestmark = needs_chromium
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", "--autoplay-policy=user-gesture-required"]
-        )
-        yield browser
-        browser.close()
+    with chromium("--autoplay-policy=user-gesture-required") as opened:
+        yield opened
 
 
 @pytest.fixture(scope="module")

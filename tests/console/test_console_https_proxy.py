@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import http.client
 import json
-import shutil
 import ssl
 import subprocess
 from collections.abc import Iterator
@@ -15,25 +14,15 @@ import pytest
 from lumpwatch.service.config import UserRole
 from lumpwatch.service.console import UserFile
 from tests.bus.test_bus_support import eventually
+from tests.console.chromium import needs_chromium
 from tests.console.plant import Client, Console, Plant
 from tests.console.reverse_proxy import FROM, ReverseProxy
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-CHROMIUM = shutil.which("chromium")
 PASSWORD = "correct horse"
 ACK = "/api/v1/cameras/cam/rois/apron/commands/ack"
-with_chromium = pytest.mark.skipif(CHROMIUM is None, reason="Debian's chromium is not installed")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +66,7 @@ def test_by_https_the_cookie_never_travels_in_the_open(secure: Console) -> None:
         Client(f"http://{host}").ask("GET", "/login")
 
 
-@with_chromium
+@needs_chromium
 def test_an_operator_logs_in_by_https_and_acknowledges(
     browser: Browser, secure: Console, plant: Plant
 ) -> None:
@@ -143,7 +132,7 @@ def test_headers_of_others_than_the_proxy_count_for_nothing(behind: Console) -> 
     assert client.ask("GET", "/login", **forged)[0] == 404, "there are no users of its own to log in"
 
 
-@with_chromium
+@needs_chromium
 def test_behind_a_proxy_the_page_is_live_and_acts_by_name(
     browser: Browser, behind: Console, plant: Plant
 ) -> None:

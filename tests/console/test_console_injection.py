@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,13 +12,13 @@ import pytest
 
 from lumpwatch.service.console.work import Deeds, Library
 from lumpwatch.service.console.work.jobs import Job
+from tests.console.chromium import needs_chromium
 from tests.console.plant import Client, Console, Plant
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
-CHROMIUM = shutil.which("chromium")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Debian's chromium is not installed")
+pytestmark = needs_chromium
 
 ATTACKS = (
     "<img src=x onerror=\"document.title='taken'\">",
@@ -52,15 +51,12 @@ def console(plant: Plant, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 
 @pytest.fixture(scope="module")
-def page(console: Console, plant: Plant) -> Iterator[Page]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        plant.record("lump", "acknowledged", actor=ATTACK[:120], reason=ATTACK[:400])
-        plant.record("blind", "shelved", actor=ATTACK[:120], reason=ATTACK[:400])
-        yield page
-        browser.close()
+def page(browser: Browser, console: Console, plant: Plant) -> Iterator[Page]:
+    page = browser.new_page()
+    plant.record("lump", "acknowledged", actor=ATTACK[:120], reason=ATTACK[:400])
+    plant.record("blind", "shelved", actor=ATTACK[:120], reason=ATTACK[:400])
+    yield page
+    page.close()
 
 
 def harmless(page: Page) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -19,12 +18,12 @@ from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
 from lumpwatch.service.storage import PriorStore, read_labels
 from tests.bus.test_bus_support import eventually, free_endpoint
+from tests.console.chromium import needs_chromium
 from tests.integration.site import LUMPWATCH
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
-CHROMIUM = shutil.which("chromium")
 SIZE = (320, 240)
 KEYS = 16
 """Every so many frames a box is drawn."""
@@ -140,52 +139,47 @@ def label(page: Page, labels: Path) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="Debian's chromium is not installed")
-def test_from_nothing_to_a_promoted_prior(site: tuple[Path, str, Path]) -> None:
-    playwright = pytest.importorskip("playwright.sync_api")
+@needs_chromium
+def test_from_nothing_to_a_promoted_prior(browser: Browser, site: tuple[Path, str, Path]) -> None:
     config, url, labels = site
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 1000})
-        draw_region(page, url)
-        assert load_config(config).camera("cam").roi("apron").polygon[0] == pytest.approx(
-            (0.3, 0.0), abs=0.01
-        )
+    page = browser.new_page(viewport={"width": 1280, "height": 1000})
+    draw_region(page, url)
+    assert load_config(config).camera("cam").roi("apron").polygon[0] == pytest.approx((0.3, 0.0), abs=0.01)
 
-        page.goto(f"{url}/clips", wait_until="commit")
-        page.wait_for_selector("#main[data-ready]")
-        page.set_input_files("#upload [name=file]", labels.parent / "video.mp4")
-        page.click("#upload button.primary")
-        page.click("#clips a.button")
-        page.wait_for_selector("#stage[data-ready]")
-        lumps = label(page, labels)
-        assert lumps >= 3
+    page.goto(f"{url}/clips", wait_until="commit")
+    page.wait_for_selector("#main[data-ready]")
+    page.set_input_files("#upload [name=file]", labels.parent / "video.mp4")
+    page.click("#upload button.primary")
+    page.click("#clips a.button")
+    page.wait_for_selector("#stage[data-ready]")
+    lumps = label(page, labels)
+    assert lumps >= 3
 
-        page.goto(f"{url}/training/cam/apron", wait_until="commit")
-        page.wait_for_selector("#main[data-ready]")
-        page.select_option("[name=folds]", "0")
-        page.click("#train button.primary")
-        page.wait_for_selector("#jobs tr[data-state=done]", timeout=240_000)
-        page.wait_for_selector("#priors tr[data-state='in shadow']")
-        store = PriorStore(config.parent / "var")
-        assert store.load("cam", "apron", 1).learned.tracks == lumps
-        # The daemon runs it beside the stated defaults, and tells how they differ.
-        page.wait_for_selector("#trial pre:has-text('version 1')", timeout=60_000)
-        page.click("#promote")
-        page.wait_for_selector("#priors tr[data-version='1'][data-state='in use']")
-        assert "console: version 1 is promoted" in page.inner_text("#deeds")
-        assert store.pointer("cam", "apron") == 1
-        page.click("#priors tr[data-version='1'] >> text=Report")
-        page.wait_for_selector("h1, h2")
-        assert f"from {lumps} labelled lumps" in page.inner_text("body")
-        page.goto(f"{url}/training/cam/apron", wait_until="commit")
-        page.wait_for_selector("#main[data-ready]")
-        page.click("[data-work=replay]")
-        page.locator("#jobs tr a", has_text="replay").click()  # waits until it is listed
-        page.wait_for_selector("#overlay:not([hidden])", timeout=120_000)
-        page.wait_for_function("document.querySelector('#overlay video').duration > 10")
-        found = json.loads(
-            (next((config.parent / "var" / "console" / "jobs").glob("*/summary.json"))).read_text()
-        )
-        assert found["rois"]["apron"]["prior"] == 1
-        browser.close()
+    page.goto(f"{url}/training/cam/apron", wait_until="commit")
+    page.wait_for_selector("#main[data-ready]")
+    page.select_option("[name=folds]", "0")
+    page.click("#train button.primary")
+    page.wait_for_selector("#jobs tr[data-state=done]", timeout=240_000)
+    page.wait_for_selector("#priors tr[data-state='in shadow']")
+    store = PriorStore(config.parent / "var")
+    assert store.load("cam", "apron", 1).learned.tracks == lumps
+    # The daemon runs it beside the stated defaults, and tells how they differ.
+    page.wait_for_selector("#trial pre:has-text('version 1')", timeout=60_000)
+    page.click("#promote")
+    page.wait_for_selector("#priors tr[data-version='1'][data-state='in use']")
+    assert "console: version 1 is promoted" in page.inner_text("#deeds")
+    assert store.pointer("cam", "apron") == 1
+    page.click("#priors tr[data-version='1'] >> text=Report")
+    page.wait_for_selector("h1, h2")
+    assert f"from {lumps} labelled lumps" in page.inner_text("body")
+    page.goto(f"{url}/training/cam/apron", wait_until="commit")
+    page.wait_for_selector("#main[data-ready]")
+    page.click("[data-work=replay]")
+    page.locator("#jobs tr a", has_text="replay").click()  # waits until it is listed
+    page.wait_for_selector("#overlay:not([hidden])", timeout=120_000)
+    page.wait_for_function("document.querySelector('#overlay video').duration > 10")
+    found = json.loads(
+        (next((config.parent / "var" / "console" / "jobs").glob("*/summary.json"))).read_text()
+    )
+    assert found["rois"]["apron"]["prior"] == 1
+    page.close()
