@@ -159,6 +159,16 @@ def along_polygon(profile: RowProfile, mask: NDArray[np.uint8]) -> RowProfile:
     return RowProfile(0.0, float(knots[1]), mean, spread, profile.aspect_spread)
 
 
+def untrained_profile(mask: NDArray[np.uint8], size_h: tuple[float, float], speed_h: float) -> RowProfile:
+    """What is taken for granted in a region `mask` (h, w) of which nothing was learned.
+
+    `size_h`: smallest and largest object, and `speed_h`: speed a second, in heights of the region.
+    """
+    height = float(mask.shape[0])
+    flat = default_profile(height, size_h[0] * height, size_h[1] * height, speed_h * height)
+    return along_polygon(flat, mask)
+
+
 def learn_profile(states: States, height: float, least_log_size_spread: float = 0.1) -> RowProfile:
     """The profile of training states (n, 8) in a picture of `height` rows, by a kernel average over rows.
 

@@ -127,7 +127,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if given and not given[0].startswith("-") and given[0] not in known:
         sys.stderr.write(unknown(given[0], known))
         return 2
-    alone = {"--version", *(name for names in _MODULES.values() for name in names)}
+    alone = {"--version", *known}
     try:
         if given in (["--help"], ["-h"]):
             sys.stdout.write(overview())

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lumpwatch.service.core import DetectedObject, Detection
+from lumpwatch.service.detection.overlap import SAME_PLACE, shared
 
 STEADY_S = 0.5
 """How long it must be as sure as what raises an alarm: an alarm stands already, so there is time to be sure."""
 FORGOTTEN_S = 2.0
 """How long after a lump was lost what is found at its place is taken for the same."""
-_SAME_PLACE = 0.3  # of the smaller box
 
 
 @dataclass(slots=True)
@@ -57,10 +57,7 @@ class NextLump:
     def _is_of(told: _Told, found: DetectedObject, time_s: float) -> bool:
         """Whether it lies where that lump is, or was when it was lost, or would be by now."""
         since_s = time_s - told.last_s
-        return any(
-            _shared(told.found, found, told.found.vx * t, told.found.vy * t) >= _SAME_PLACE
-            for t in (0.0, since_s)
-        )
+        return any(_covers(told.found, found, t) >= SAME_PLACE for t in (0.0, since_s))
 
 
 def _alarms(found: DetectedObject, raise_above: float, certain: float) -> bool:
@@ -68,11 +65,7 @@ def _alarms(found: DetectedObject, raise_above: float, certain: float) -> bool:
     return large and found.existence > raise_above
 
 
-def _shared(a: DetectedObject, b: DetectedObject, dx: float, dy: float) -> float:
-    """What two boxes have in common once the first has moved by so much, as a share of the smaller."""
-    x, y = a.x + dx, a.y + dy
-    across = min(x + a.w, b.x + b.w) - max(x, b.x)
-    down = min(y + a.h, b.y + b.h) - max(y, b.y)
-    if across <= 0.0 or down <= 0.0:
-        return 0.0
-    return across * down / max(min(a.w * a.h, b.w * b.h), 1e-9)
+def _covers(told: DetectedObject, found: DetectedObject, since_s: float) -> float:
+    """What they share once the first has gone on for so long."""
+    low = told.x + told.vx * since_s, told.y + told.vy * since_s
+    return shared(low, (told.w, told.h), (found.x, found.y), (found.w, found.h))

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from lumpwatch.models.picture.standing import LONGEST_LOOK_S, PlaceLook, StandingMeter
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.service.core import DetectedObject
+from lumpwatch.service.detection.overlap import SAME_PLACE, shared
 
 RODE_S = 2.0
 """How long an object that was seen to ride must stand to count as none of the belt's: a lump that falls over the lip
 lies for a moment on what stands below. One that never rode stands at once, until it is seen to ride."""
 REMEMBERED_S = 60.0
 """How long a place is remembered where something stood, for as long as nothing can be told of it anew."""
-_SAME_PLACE = 0.3  # of the smaller box
-
 
 _STAYED, _RODE = 0.25, 0.5  # of the belt's way: below it has stayed, above it has ridden
 
@@ -69,7 +68,7 @@ class Strangers:
             self._forget(box)
         elif stands is None:
             # With the belt at rest nothing can be told, but what stood here before it stopped still does.
-            known.stands |= not known.rode and any(_shared(box, p) >= _SAME_PLACE for _, p in self._places)
+            known.stands |= not known.rode and any(_shared(box, p) >= SAME_PLACE for _, p in self._places)
         else:
             known.stands_since_s = time_s if known.stands_since_s is None else known.stands_since_s
             if time_s - known.stands_since_s >= (RODE_S if known.rode else 0.0) - 1e-6:
@@ -78,7 +77,7 @@ class Strangers:
                 self._places.append((time_s, box))
 
     def _forget(self, box: NDArray[np.float64]) -> None:
-        self._places = [(s, place) for s, place in self._places if _shared(box, place) < _SAME_PLACE]
+        self._places = [(s, place) for s, place in self._places if _shared(box, place) < SAME_PLACE]
 
 
 def _stands(known: _Known, look: PlaceLook | None) -> bool | None:
@@ -96,9 +95,6 @@ def _stands(known: _Known, look: PlaceLook | None) -> bool | None:
 
 
 def _shared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """What two boxes (centre and size) have in common, as a share of the smaller one."""
-    common = np.minimum(a[:2] + a[2:] / 2, b[:2] + b[2:] / 2) - np.maximum(
-        a[:2] - a[2:] / 2, b[:2] - b[2:] / 2
-    )
-    smaller = min(float(a[2] * a[3]), float(b[2] * b[3]))
-    return float(np.prod(np.maximum(common, 0.0))) / max(smaller, 1e-9)
+    """`shared` of boxes given by centre and size (4,)."""
+    low_a, low_b = a[:2] - a[2:] / 2, b[:2] - b[2:] / 2
+    return shared(low_a.tolist(), a[2:].tolist(), low_b.tolist(), b[2:].tolist())

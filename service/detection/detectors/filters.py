@@ -23,7 +23,7 @@ from lumpwatch.models.jdt.motion import (
     RandomWalk,
 )
 from lumpwatch.models.jdt.motion_prior import CellVelocities, MotionPrior
-from lumpwatch.models.jdt.row_profile import RowProfile, along_polygon, around_limit, default_profile
+from lumpwatch.models.jdt.row_profile import RowProfile, around_limit, untrained_profile
 from lumpwatch.models.jdt.switching import AdaptiveSwitching, FixedSwitching, Switching, conditional
 from lumpwatch.models.learning import Noise
 from lumpwatch.models.learning.learned import HistogramFit, Learned, LumpFit
@@ -78,13 +78,10 @@ def make_filter(config: JdtConfig, roi: Roi, learned: Learned | None) -> JdtFilt
 
 def make_profile(size_h: tuple[float, float], learned: Learned | None, roi: Roi) -> RowProfile:
     """Sizes and velocities by row in working pixels: learned or by default; sizes by the limit where one is known."""
-    height = float(roi.shape[0])
     if learned is not None:
-        profile = learned.profile.scaled(height)
+        profile = learned.profile.scaled(float(roi.shape[0]))
     else:
-        smallest, largest = (size * height for size in size_h)
-        flat = default_profile(height, smallest, largest, DEFAULT_SPEED_H_S * height)
-        profile = along_polygon(flat, roi.mask)
+        profile = untrained_profile(roi.mask, size_h, DEFAULT_SPEED_H_S)
     return around_limit(profile, roi.limit_px)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.jdt.births import PolygonBirths, polygon_births
-from lumpwatch.models.jdt.row_profile import along_polygon, around_limit, default_profile
+from lumpwatch.models.jdt.row_profile import around_limit, untrained_profile
 from lumpwatch.models.learning import LabelledView, LumpFit, fit_lump
 from lumpwatch.models.learning.fit import Scene
 from lumpwatch.models.likelihood.lump import Maps
@@ -24,6 +24,7 @@ PATTERNS = 32
 LEAST_LIMIT_PX = 22.0
 """In the middle row; smaller lumps are below what a region is set up for."""
 LEAST_LUMP_PX = 14.0
+_SPEED_H_S = 0.5
 CROWDED, LARGE = 0.35, 1.6
 """Share of the belt that stones cover where they lie side by side; how much longer lumps are there than the stone in
 the middle of that area."""
@@ -70,11 +71,8 @@ def _stretched(relative: NDArray[np.float64], areas: NDArray[np.float64], whole:
 
 def births_of(mask: Image, limit: NDArray[np.float64] | None) -> PolygonBirths:
     """Boxes as a filter without a prior tries them, with a limit or without."""
-    smallest, largest = JdtConfig().size_h
-    flat = default_profile(
-        mask.shape[0], smallest * mask.shape[0], largest * mask.shape[0], 0.5 * mask.shape[0]
-    )
-    return polygon_births(mask, around_limit(along_polygon(flat, mask), limit), np.ones(1))
+    profile = untrained_profile(mask, JdtConfig().size_h, _SPEED_H_S)
+    return polygon_births(mask, around_limit(profile, limit), np.ones(1))
 
 
 def fit_head(files: Sequence[Path], maps: Maps, every: int = 1, patterns: int = PATTERNS) -> LumpFit:
