@@ -22,7 +22,7 @@ SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus promet
 ENGINE_PACKAGES := podman buildah runc catatonit debootstrap
 BASE ?= localhost/python:3.11-slim-bookworm
 
-.PHONY: help setup demo test quick container figures model pictures lint format bench reproduce docs lock sbom audit system base clean
+.PHONY: help setup demo test coverage quick container figures model pictures lint format bench reproduce docs lock sbom audit system base clean
 
 help: ## this list
 	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -40,16 +40,19 @@ $(READY): pyproject.toml requirements.lock
 demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself
 	$(BIN)/lumpwatch demo --seconds $(DEMO_SECONDS)
 
-# Those that start daemons and break them mostly wait, so they run beside the others, which share the cores file by file.
+# Those that start daemons and break them mostly wait, so they run beside the others; both share their work file by file.
 DAEMONS := tests/faults tests/integration
 WORKERS ?= 2
 
 test: setup system ## all tests; those of `make container` where it was run before
-	@mkdir -p build; $(BIN)/pytest $(DAEMONS) >build/daemons.log 2>&1 & daemons=$$!; \
-	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile --cov --cov-report= $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
-	wait $$daemons; code=$$?; \
-	$(BIN)/coverage report --skip-covered --skip-empty --sort=cover >build/coverage.txt; head -n 14 build/coverage.txt; tail -n 1 build/coverage.txt; \
-	cat build/daemons.log; exit $$((others | code))
+	@mkdir -p build; $(BIN)/pytest $(DAEMONS) --numprocesses $(WORKERS) --dist loadfile >build/daemons.log 2>&1 & daemons=$$!; \
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
+	wait $$daemons; code=$$?; cat build/daemons.log; exit $$((others | code))
+
+coverage: setup system ## which lines the tests run that start no daemons; a table in build/coverage.txt
+	@mkdir -p build
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile --cov --cov-report= $(addprefix --ignore=,$(DAEMONS))
+	$(BIN)/coverage report --skip-covered --skip-empty --sort=cover | tee build/coverage.txt
 
 container: setup base ## the image on a real engine: built, run, killed, upgraded, rolled back; as root
 	LUMPWATCH_TEST_BASE=$(BASE) $(BIN)/pytest tests/container
