@@ -59,7 +59,10 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
     written = write_video(spec, SECONDS, tmp_path_factory.mktemp("clip"))
     polygon = json.loads(written.spec.read_text())["polygon"]
     tree = site_tree()
-    tree["cameras"][0]["rois"][0] |= {"polygon": polygon, "detector": {"working_size_px": 192, "likelihood": QUICK}}
+    tree["cameras"][0]["rois"][0] |= {
+        "polygon": polygon,
+        "detector": {"working_size_px": 192, "likelihood": QUICK},
+    }
     return Clip(written.video, written.labels, site(tree).cameras[0], read_labels(written.labels))
 
 
