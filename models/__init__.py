@@ -6,6 +6,7 @@
 `learning`    motion models, transitions, sizes and likelihoods from labelled footage
 `picture`     whether a picture is fit to judge
 `evaluation`  VACE, CLEAR MOT and identity scores
+`plot`        what filters and trackers say, into matplotlib axes of the caller
 `state`, `roi`, `plane`  what a particle is, from frame to working picture, from pixels to millimetres
 
 Each package names what it offers in its own door, and `from lumpwatch.models import JdtFilter` takes any of those names

@@ -1,6 +1,6 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, difficulty, real, paper1, paper2, background, jpda, imm,
+Words on the command line choose some: lumps, difficulty, real, exact, paper1, paper2, background, jpda, imm,
 quality, pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
 """
 
@@ -16,6 +16,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 # The libraries count their threads when they are imported.
 from tests.reproduction import (  # noqa: E402
     difficulty,
+    exact,
     imm,
     lumps,
     paper1,
@@ -31,6 +32,7 @@ EXPERIMENTS = {
     "lumps": lumps.main,
     "difficulty": difficulty.main,
     "real": real.main,
+    "exact": exact.main,
     "paper1": paper1.main,
     "paper2": paper2.main,
     "background": paper3_background.main,
