@@ -14,8 +14,8 @@ from lumpwatch.service.cli.common import Commands, add_command
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import EvidenceError, EvidenceStore, read_evidence
-from lumpwatch.service.offline import Figures, read_shift, report_window, shift_figures
 from lumpwatch.service.protocol import STILL
+from lumpwatch.service.shift import Figures, read_shift, report_window, shift_figures
 from lumpwatch.service.storage import EventLogError, event_file
 
 MOST_STILLS = 100

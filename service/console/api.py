@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from lumpwatch.service.console.context import Context
 from lumpwatch.service.console.deeds import DeedError, do
-from lumpwatch.service.console.guard import problem
+from lumpwatch.service.console.guard import Guard, problem
 from lumpwatch.service.console.openapi import openapi
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import EvidenceError
@@ -105,8 +105,11 @@ class LiveApi:
     async def stream(self, request: Request) -> Response:
         """The same as server-sent events."""
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+        guard: Guard = request.app.state.guard
         return StreamingResponse(
-            self._context.stream.events(), media_type="text/event-stream", headers=headers
+            self._context.stream.events(lambda: guard.welcome(request)),
+            media_type="text/event-stream",
+            headers=headers,
         )
 
     async def alarms(self, request: Request) -> Response:

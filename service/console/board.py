@@ -24,6 +24,8 @@ from lumpwatch.service.protocol import AlarmEvent, Heartbeat, StateMessage
 
 CURVE_S, CURVE_STEP_S = 120.0, 0.2
 """How much of the existence is kept, and how densely."""
+UNKNOWN = "UNKNOWN"
+"""The state of an alarm of which nothing was heard since the console was started."""
 _RECORDS = 500
 _FRAMES = 90
 _FRAME = re.compile(rb'"frame": ?(\d{1,15})[,}]')
@@ -212,8 +214,9 @@ class Board:
             except ValidationError:
                 self.malformed += 1
         stands = told.get("alarms") or {}
+        unsaid = "NORMAL" if told else UNKNOWN  # a monitor may not know every class
         alarms = [
-            self._alarm(alarm_class, stands.get(alarm_class, "NORMAL"), last, raised)
+            self._alarm(alarm_class, stands.get(alarm_class, unsaid), last, raised)
             for alarm_class in AlarmClass
         ]
         return {

@@ -14,6 +14,7 @@ from lumpwatch.service.console.clips import Clips
 from lumpwatch.service.console.pictures import Pictures
 from lumpwatch.service.console.sessions import Sessions, Throttle
 from lumpwatch.service.console.stream import Stream
+from lumpwatch.service.console.times import SiteTimes
 from lumpwatch.service.console.users import UserFile
 from lumpwatch.service.console.work import Workshop
 
@@ -34,4 +35,5 @@ class Context:
     throttle: Throttle
     users: UserFile | None
     templates: Environment
+    times: SiteTimes
     workshop: Workshop

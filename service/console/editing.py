@@ -25,7 +25,6 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.util import load_yaml_guess_indent
 
-from lumpwatch.models.plane import fit_plane
 from lumpwatch.service.config import CalibrationConfig, JpdaConfig, load_config, parse_config, read_text
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.storage import replace_file
@@ -186,6 +185,8 @@ def _zones(value: Any, name: str, low: NDArray[np.float64], extent: NDArray[np.f
 
 def _fit(calibration: CalibrationConfig, size: tuple[int, int]) -> dict[str, Any]:
     """How well the points fit, and lines of the belt through them. Raises EditError."""
+    from lumpwatch.models.plane import fit_plane  # loads SciPy, which only a calibration needs
+
     scale = np.array(size, float)
     pixels, places = np.array(calibration.points) * scale, np.array(calibration.points_mm)
     try:

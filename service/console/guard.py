@@ -91,6 +91,13 @@ class Guard:
 
         await (refused or self._app)(scope, receive, sending)
 
+    def welcome(self, request: HTTPConnection) -> bool:
+        """Whether who asked is still known: a login may end, and users be removed, while an answer goes on."""
+        try:
+            return self._user(request, self._sessions.find(_cookie(request.headers, self.cookie))) is not None
+        except UsersError:
+            return False
+
     def set_cookie(self, session: Session) -> str:
         """The header that hands a session to the browser."""
         secure = "; Secure" if self._config.tls else ""

@@ -12,9 +12,9 @@ from datetime import datetime
 from typing import Any
 
 from lumpwatch.service.config import SiteConfig
-from lumpwatch.service.core import moment_of
+from lumpwatch.service.console.times import SiteTimes
 from lumpwatch.service.errors import ConfigError
-from lumpwatch.service.offline import Figures, read_shift, report_window, shift_figures
+from lumpwatch.service.shift import Figures, read_shift, report_window, shift_figures
 from lumpwatch.service.storage import Event, EventLogError, event_file, merged_events
 
 MOST = 2000
@@ -30,7 +30,7 @@ def events(config: SiteConfig, asked: Mapping[str, str], now_s: float | None = N
     Raises ConfigError for a time that is none and EventLogError where there is no log.
     """
     now_s = time.time() if now_s is None else now_s
-    since_s = _moment(asked.get("since") or "24h", now_s)
+    since_s = _moment(config, asked.get("since") or "24h", now_s)
     files = [
         event_file(config.store.path, camera.id)
         for camera in config.cameras
@@ -80,8 +80,8 @@ def _wanted(found: Iterator[Event], asked: Mapping[str, str]) -> Iterator[Event]
             yield event
 
 
-def _moment(text: str, now_s: float) -> float:
-    found_s = moment_of(text, now_s)
+def _moment(config: SiteConfig, text: str, now_s: float) -> float:
+    found_s = SiteTimes(config).seconds_of(text, now_s)
     if found_s is None:
         raise ConfigError(f"since: '{text[:40]}' is neither a time (2024-05-17T06:00) nor a span (12h)")
     return found_s

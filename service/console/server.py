@@ -28,6 +28,7 @@ from lumpwatch.service.console.guard import Guard
 from lumpwatch.service.console.pictures import Pictures
 from lumpwatch.service.console.sessions import Sessions, Throttle
 from lumpwatch.service.console.stream import Stream
+from lumpwatch.service.console.times import SiteTimes
 from lumpwatch.service.console.users import UserFile
 from lumpwatch.service.console.views import Views
 from lumpwatch.service.console.work import Workshop, open_workshop
@@ -122,6 +123,7 @@ def make_app(config: SiteConfig, path: Path, bus: Bus, folder: Path, workshop: W
         throttle=Throttle(),
         users=users,
         templates=templates,
+        times=SiteTimes(config),
         workshop=workshop,
     )
     parts = (Views, LiveApi, EditApi, ClipApi, WorkApi)

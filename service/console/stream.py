@@ -32,15 +32,15 @@ class Stream:
         """How many pages listen."""
         return self._listeners
 
-    async def events(self) -> AsyncIterator[bytes]:
-        """The events for one page."""
+    async def events(self, welcome: Callable[[], bool] = lambda: True) -> AsyncIterator[bytes]:
+        """The events for one page, as long as it is welcome."""
         self._listeners += 1
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self._turn())
         seen = -1
         try:
             yield b"retry: 500\n\n"
-            while True:
+            while welcome():
                 if seen == self._serial or not self._latest:
                     news = self._news
                     await news.wait()

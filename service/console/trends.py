@@ -14,6 +14,8 @@ from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Event, Span, event_file, read_events, reading, uptime_spans
 
 MOST_HOURS = 168
+_SLACK_MIN = 2.0
+"""What was watched is written down every now and then."""
 Percentile = Callable[[tuple[str, str], int, float], float | None]
 
 
@@ -30,6 +32,8 @@ class Hour:
     largest_mm: float | None = None
     blind_min: float = 0.0
     watched_min: float = 0.0
+    unknown: bool = False
+    """Whether it was not watched all the time (so far): what is not told of it may have been."""
     age_ms: float | None = None
     """Of decisions: median."""
     late_ms: float | None = None
@@ -57,6 +61,7 @@ def trends(config: SiteConfig, hours: int, now_s: float, age: Percentile) -> lis
                     _share(rows.get(span.roi, []), first, span)
         for roi, of_roi in rows.items():
             for i, hour in enumerate(of_roi):
+                hour.unknown = hour.watched_min < min(now_s - hour.begin_s, HOUR_S) / 60 - _SLACK_MIN
                 median, late = (age((camera.id, roi), first + i, share) for share in (0.5, 0.99))
                 hour.age_ms = None if median is None else 1000 * median
                 hour.late_ms = None if late is None else 1000 * late

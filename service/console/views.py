@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import parse_qs, urlencode
 
@@ -80,6 +79,7 @@ class Views:
             csrf=session.csrf if session else "",
             page=name,
             nav=self._nav(user),
+            times=self._context.times,
             **values,
         )
         return HTMLResponse(text, status)
@@ -184,7 +184,7 @@ class Views:
             rows = await self._trends(hours)
         except LumpwatchError as problem_found:
             error = str(problem_found)
-        return self.page(request, "trends", rows=rows, error=error, hours=hours, clock=_clock)
+        return self.page(request, "trends", rows=rows, error=error, hours=hours)
 
     async def trends_json(self, request: Request) -> Response:
         """The same for programs."""
@@ -298,7 +298,3 @@ class Views:
         if request.scope["session"] is not None:
             self._context.sessions.end(request.scope["session"].token)
         return Response(status_code=204)
-
-
-def _clock(wall_s: float) -> str:
-    return f"{datetime.fromtimestamp(wall_s, UTC):%d. %H:%M}"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.core import Frame, RoiResult
-from lumpwatch.service.detection import CameraPipeline, Snapshot
 from lumpwatch.service.evidence.recorder import EvidenceObserver, Moment, Recorder, Trigger
 from lumpwatch.service.evidence.serve import serve_evidence
 from lumpwatch.service.evidence.store import EvidenceStore
@@ -15,6 +15,9 @@ from lumpwatch.service.evidence.verdicts import judged, verdicts_by_id
 from lumpwatch.service.evidence.writer import EvidenceWriter, Origin
 from lumpwatch.service.protocol import EvidenceRequest
 from lumpwatch.service.storage import event_file
+
+if TYPE_CHECKING:
+    from lumpwatch.service.detection import CameraPipeline, Snapshot
 
 
 class EvidenceKeeper:

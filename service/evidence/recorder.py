@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from lumpwatch.service.config import EvidenceConfig
 from lumpwatch.service.core import AlarmClass, Frame, RoiResult
-from lumpwatch.service.detection import Snapshot
 from lumpwatch.service.protocol import Ended
+
+if TYPE_CHECKING:
+    from lumpwatch.service.detection import Snapshot
 
 STATE_EVERY_S = 1.0
 """How often the state of the filters is kept."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lumpwatch.service.core import Alarm, AlarmClass
-from lumpwatch.service.detection import FilterState, SightState, SizeTrack, Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior, alarm_of, load_arrays
+
+if TYPE_CHECKING:
+    from lumpwatch.service.detection import SightState, Snapshot
 
 FORMAT = 1
 _MOST_BYTES = 256 << 20
@@ -55,6 +57,9 @@ def decode_state(content: bytes, name: str, prior: Prior | None) -> Snapshot:
 
 
 def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None) -> Snapshot:
+    # Who answers for evidence or fetches it needs no filter.
+    from lumpwatch.service.detection import FilterState, SizeTrack, Snapshot
+
     return Snapshot(
         plain["last_capture_s"],
         None if plain["size"] is None else (int(plain["size"][0]), int(plain["size"][1])),
@@ -71,6 +76,8 @@ def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None
 
 def _sight(plain: dict[str, Any]) -> SightState:
     """States of before 0.2 have none: they begin as a start does."""
+    from lumpwatch.service.detection import SightState
+
     return SightState(**plain | {"judged_s": tuple(plain.get("judged_s", ()))})
 
 

@@ -1,4 +1,4 @@
-"""Work on recordings and logs: replay, overlay, backtest, the report of a shift, and plots."""
+"""Work on recordings and logs: replay, overlay, backtest, the page of a shift, and plots."""
 
 from lumpwatch.service.offline.backtest.archive import archive, boxes_of, short_names
 from lumpwatch.service.offline.backtest.curve import Point, Terms
@@ -23,15 +23,11 @@ from lumpwatch.service.offline.overlay import OverlayVideo
 from lumpwatch.service.offline.plots import ExistenceCurves, PlotError, draw_prior, new_figure
 from lumpwatch.service.offline.replay import FrameListener, ReplayError, RoiSummary, Summary, run_replay
 from lumpwatch.service.offline.shadow_replay import ReplayShadow
-from lumpwatch.service.offline.shift.figures import Figures, shift_figures
-from lumpwatch.service.offline.shift.page import shift_page
-from lumpwatch.service.offline.shift.record import read_shift
-from lumpwatch.service.offline.shift.window import report_window
+from lumpwatch.service.offline.shift_report import shift_page
 
 __all__ = [
     "Backtest",
     "ExistenceCurves",
-    "Figures",
     "FrameListener",
     "OverlayVideo",
     "PlotError",
@@ -59,12 +55,9 @@ __all__ = [
     "html_text",
     "load_camera",
     "new_figure",
-    "read_shift",
     "replay_evidence",
-    "report_window",
     "run_backtest",
     "run_replay",
-    "shift_figures",
     "shift_page",
     "short_names",
     "write_backtest",

@@ -14,6 +14,10 @@ Arrays = dict[str, NDArray[Any]]
 _MOST_MEMBERS = 1000
 
 
+class OutdatedError(ValueError):
+    """Content of an older version; the text says what to do."""
+
+
 def load_arrays(content: bytes, most_bytes: int) -> Arrays:
     """The arrays by name. Raises ValueError where they are more than `most_bytes` together, or no numbers.
 

@@ -1,17 +1,17 @@
-"""A fitted likelihood as arrays of a prior file, and back."""
+"""A fitted likelihood as arrays of a prior file, and back. The likelihoods are loaded with the first one."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S, DEFAULT_SHARE, HistogramFit, LumpFit
-from lumpwatch.models.likelihood.histogram import BINS, Channel
-from lumpwatch.models.likelihood.lump import FEATURES
-from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
-from lumpwatch.service.storage.arrays import within
+from lumpwatch.service.storage.arrays import OutdatedError, within
+
+if TYPE_CHECKING:
+    from lumpwatch.models.learning.learned import HistogramFit, LumpFit
+    from lumpwatch.models.likelihood.histogram import Channel
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -19,12 +19,10 @@ _OLD_FEATURES = (8, 68)
 """Of likelihoods before the net."""
 
 
-class OutdatedError(ValueError):
-    """A fit of an older version; the text says what to do."""
-
-
 def encode_fit(fit: LumpFit | HistogramFit) -> Arrays:
     """The arrays by name."""
+    from lumpwatch.models.learning.learned import HistogramFit
+
     if isinstance(fit, HistogramFit):
         return {
             "fit_reference": fit.reference,
@@ -48,6 +46,9 @@ def encode_fit(fit: LumpFit | HistogramFit) -> Arrays:
 
 def decode_fit(arrays: Arrays, *, lump: bool, channel: Channel) -> LumpFit | HistogramFit:
     """The fit of a lump's likelihood, or of a histogram's. Raises KeyError or ValueError where it cannot be right."""
+    from lumpwatch.models.learning.learned import HistogramFit
+    from lumpwatch.models.likelihood.histogram import BINS
+
     if lump:
         return known_lump(arrays)
     _check(arrays, {"fit_reference": (BINS,), "fit_line": (2,)})
@@ -76,6 +77,10 @@ _BOUNDS: dict[str, tuple[float, float]] = {
 
 def known_lump(arrays: Arrays) -> LumpFit:
     """A lump's likelihood. Raises OutdatedError for one of hand-made features, KeyError or ValueError if it is none."""
+    from lumpwatch.models.learning.learned import LumpFit
+    from lumpwatch.models.likelihood.lump import FEATURES
+    from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
+
     mean = arrays["fit_mean"]
     known = len(FEATURES)
     if len(mean) in _OLD_FEATURES:
@@ -106,6 +111,8 @@ def known_lump(arrays: Arrays) -> LumpFit:
 
 
 def _looks(arrays: Arrays) -> float:
+    from lumpwatch.models.learning.learned import DEFAULT_LOOKS_PER_S
+
     if "fit_looks" not in arrays:
         return DEFAULT_LOOKS_PER_S
     (looks,) = arrays["fit_looks"]
@@ -114,6 +121,8 @@ def _looks(arrays: Arrays) -> float:
 
 
 def _share(arrays: Arrays) -> float:
+    from lumpwatch.models.learning.learned import DEFAULT_SHARE
+
     if "fit_share" not in arrays:
         return DEFAULT_SHARE
     (share,) = arrays["fit_share"]

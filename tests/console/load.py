@@ -1,7 +1,8 @@
 """Twenty viewers of a daemon: `python -m tests.console.load CONSOLE_URL BUS_ENDPOINT SECONDS [SITE CAMERA…]`.
 
-Prints the age of decisions on the bus without and with viewers, each of whom follows the stream and asks for ten
-pictures a second as a page does, and what the console takes of processor and memory meanwhile.
+Two of them are Chromium with the live page; for the others an HTTP client follows the stream and asks for ten pictures
+a second as a page does, one of them reading slowly. Printed are the age of decisions and of alarm records when they
+come over the bus, without viewers (a minute at most) and with them, and what the console takes meanwhile.
 """
 
 from __future__ import annotations
@@ -11,32 +12,44 @@ import json
 import sys
 import threading
 import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.config import BusConfig
+from tests.console.chromium import chromium
 
-VIEWERS = 20
-
-
-def ages(endpoint: str, site: str, seconds: float) -> list[float]:
-    """Seconds from capture to decision, of all frames in so many seconds, sorted."""
-    found: list[float] = []
-    with open_client(BusConfig(mode="client", connect=(endpoint,))) as bus:
-        bus.subscribe(
-            Keys(site).states(),
-            lambda _, payload: found.append(
-                float((json.loads(payload)["timing"] or {"age_s": 0.0})["age_s"])
-            ),
-        )
-        time.sleep(seconds)
-    return sorted(found)
+VIEWERS, BROWSERS = 20, 2
+BASELINE_S, SAMPLE_S = 60.0, 15.0
+SLOW_S = 1.5
 
 
-def view(host: str, camera: str, ends_s: float, counts: list[int]) -> None:
-    """One viewer: the stream in one thread, pictures in this one."""
+@dataclass
+class Heard:
+    """What came over the bus: ages in seconds."""
 
-    def stream() -> None:
+    decisions: list[float] = field(default_factory=list)
+    alarms: list[float] = field(default_factory=list)
+
+    def on_state(self, _: str, payload: bytes) -> None:
+        timing = json.loads(payload)["timing"]
+        if timing and timing["age_s"] is not None:
+            self.decisions.append(float(timing["age_s"]))
+
+    def on_alarm(self, _: str, payload: bytes) -> None:
+        raised = datetime.fromisoformat(json.loads(payload)["time"])
+        self.alarms.append((datetime.now(UTC) - raised).total_seconds())
+
+
+@dataclass
+class Viewer:
+    """One viewer: pictures that it got, and frames that went by meanwhile."""
+
+    got: int = 0
+    passed: int = 0
+
+    def follow(self, host: str, ends_s: float) -> None:
         connection = http.client.HTTPConnection(host, timeout=10)
         connection.request("GET", "/api/v1/stream")
         answer = connection.getresponse()
@@ -44,24 +57,29 @@ def view(host: str, camera: str, ends_s: float, counts: list[int]) -> None:
             pass
         connection.close()
 
-    threading.Thread(target=stream, daemon=True).start()
-    connection = http.client.HTTPConnection(host, timeout=10)
-    after = -1
-    while time.monotonic() < ends_s:
-        began = time.monotonic()
-        connection.request("GET", f"/api/v1/cameras/{camera}/picture?after={after}")
-        answer = connection.getresponse()
-        answer.read()
-        if answer.status == 200:
-            after = json.loads(answer.headers["X-Lumpwatch-Frame"])["frame"]
-            counts[0] += 1
-        time.sleep(max(0.0, 0.1 - (time.monotonic() - began)))
+    def look(self, host: str, camera: str, ends_s: float, every_s: float) -> None:
+        threading.Thread(target=self.follow, args=(host, ends_s), daemon=True).start()
+        connection = http.client.HTTPConnection(host, timeout=10)
+        after = -1
+        while time.monotonic() < ends_s:
+            began = time.monotonic()
+            connection.request("GET", f"/api/v1/cameras/{camera}/picture?after={after}")
+            answer = connection.getresponse()
+            answer.read()
+            if answer.status == 200:
+                frame = json.loads(answer.headers["X-Lumpwatch-Frame"])["frame"]
+                self.passed += frame - after if after >= 0 else 1
+                self.got += 1
+                after = frame
+            time.sleep(max(0.0, every_s - (time.monotonic() - began)))
 
 
 def process(pid: int) -> tuple[float, float]:
-    """Processor seconds so far and MiB of memory."""
+    """Processor seconds so far, and MiB of memory (its proportional share of what it shares)."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / 100, int(fields[21]) * 4096 / (1 << 20)
+    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    pss = next(int(line.split()[1]) for line in rollup if line.startswith("Pss:"))
+    return (int(fields[11]) + int(fields[12])) / 100, pss / 1024
 
 
 def listener(port: int) -> int:
@@ -81,30 +99,65 @@ def listener(port: int) -> int:
     raise SystemExit(f"nobody listens on port {port}")
 
 
+def told(ages: list[float]) -> str:
+    """Percentiles of ages."""
+    if not ages:
+        return "none"
+    found = sorted(ages)
+    median, late = (1000 * found[int(share * (len(found) - 1))] for share in (0.5, 0.99))
+    return f"{len(found)}, median {median:.0f} ms, 99 % {late:.0f} ms, largest {1000 * found[-1]:.0f} ms"
+
+
+def watch(pid: int, endpoint: str, site: str, seconds: float) -> None:
+    """Measure for so long, and print."""
+    heard, memory = Heard(), []
+    with open_client(BusConfig(mode="client", connect=(endpoint,))) as bus:
+        bus.subscribe(Keys(site).states(), heard.on_state)
+        bus.subscribe(Keys(site).alarms(), heard.on_alarm)
+        used_s, _ = process(pid)
+        began = time.monotonic()
+        while (left := began + seconds - time.monotonic()) > 0:
+            memory.append(process(pid)[1])
+            time.sleep(min(SAMPLE_S, left))
+        now_s, last = process(pid)
+    print(f"  decisions: {told(heard.decisions)}\n  alarm records: {told(heard.alarms)}")
+    print(
+        f"  console: {100 * (now_s - used_s) / seconds:.1f} % of a core; memory {memory[0]:.0f} MiB at the beginning, "
+        f"{memory[len(memory) // 2]:.0f} in the middle, {last:.0f} at the end, at most {max(*memory, last):.0f}",
+        flush=True,
+    )
+
+
 def main() -> None:
     """Measure."""
     url, endpoint, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3])
     site, *cameras = sys.argv[4:] if len(sys.argv) > 5 else ("demo", "crusher-1")
     host = url.partition("://")[2]
     pid = listener(int(host.rpartition(":")[2]))
-    for viewers in (0, VIEWERS):
-        ends_s, counts = time.monotonic() + seconds, [0]
-        threads = [
-            threading.Thread(target=view, args=(host, cameras[i % len(cameras)], ends_s, counts))
-            for i in range(viewers)
-        ]
+    print("without viewers", flush=True)
+    watch(pid, endpoint, site, min(seconds, BASELINE_S))
+    viewers = [Viewer() for _ in range(VIEWERS - BROWSERS)]
+    ends_s = time.monotonic() + seconds
+    threads = [
+        threading.Thread(
+            target=one.look, args=(host, cameras[i % len(cameras)], ends_s, 0.1 if i else SLOW_S)
+        )
+        for i, one in enumerate(viewers)
+    ]
+    print(f"{len(viewers)} clients and {BROWSERS} browsers, {seconds:.0f} s", flush=True)
+    with chromium() as browser:
+        for i in range(BROWSERS):
+            browser.new_page().goto(f"{url}/cameras/{cameras[i % len(cameras)]}", wait_until="commit")
         for thread in threads:
             thread.start()
-        used_s, before = process(pid)
-        found = ages(endpoint, site, seconds - 0.5)
-        now_s, after = process(pid)
-        for thread in threads:
-            thread.join()
-        print(
-            f"{viewers:2} viewers: {len(found)} decisions, median {1000 * found[len(found) // 2]:.0f} ms, "
-            f"p99 {1000 * found[int(0.99 * (len(found) - 1))]:.0f} ms; console {100 * (now_s - used_s) / seconds:.1f} "
-            f"% of a core, memory {before:.0f} to {after:.0f} MiB; {counts[0] / seconds:.0f} pictures/s"
-        )
+        watch(pid, endpoint, site, seconds - 1.0)
+    for thread in threads:
+        thread.join()
+    kept = sorted(one.got / max(one.passed, 1) for one in viewers)
+    print(
+        f"  clients: {sum(one.got for one in viewers) / seconds:.0f} pictures/s together; of the frames that went by "
+        f"the slowest got {100 * kept[0]:.0f} %, the median {100 * kept[len(kept) // 2]:.0f} %"
+    )
 
 
 if __name__ == "__main__":

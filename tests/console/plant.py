@@ -99,6 +99,15 @@ class Plant:
             return json.dumps(
                 {"verdict": given["verdict"], "sequence": 1, "alarm": "1", "written": True}
             ).encode()
+        if name == "ack" and self.alarms[given["class"]] == "ACKNOWLEDGED":
+            told = {
+                "class": given["class"],
+                "changes": [],
+                "alarm": "ACKNOWLEDGED",
+                "active": True,
+                "sequence": 1,
+            }
+            return json.dumps(told).encode()
         stands = {"ack": "ACKNOWLEDGED", "shelve": "SHELVED", "reset": "NORMAL"}.get(name, "OUT_OF_SERVICE")
         change = {"ack": "acknowledged", "shelve": "shelved", "reset": "reset"}.get(name, "out_of_service")
         self.alarms[given["class"]] = stands

@@ -114,6 +114,17 @@ def test_whatever_changes_something_is_refused_to_who_may_not(console: Console, 
     assert not list((console.config.parent / "var" / "console").glob("*/*"))
 
 
+def test_what_operators_look_at_loads_no_numerics(console: Console) -> None:
+    """Numba and SciPy more than double the console's memory, and it starts twice as slowly with them."""
+    otto = logged_in(console, "otto")
+    for page in ("/", "/cameras/cam", "/alarms", "/events", "/shift", "/trends", "/health"):
+        assert otto.ask("GET", page)[0] == 200
+    otto.ask("GET", "/api/v1/cameras/cam/rois/apron/evidence/000000000000001-000001")
+    mapped = Path(f"/proc/{console.process.pid}/maps").read_text()
+    assert "zenoh" in mapped
+    assert not [name for name in ("/llvmlite/", "/numba/", "/scipy/") if name in mapped]
+
+
 def test_pages_of_engineers_are_neither_shown_nor_named_to_others(console: Console) -> None:
     pages = ("/regions/cam/apron", "/clips", "/training/cam/apron")
     emma = logged_in(console, "emma")

@@ -60,7 +60,9 @@ def page(browser: Browser, console: Console, plant: Plant) -> Iterator[Page]:
 
 
 def harmless(page: Page) -> None:
-    page.wait_for_timeout(300)
+    # Handlers and scripts that would run do so while the page loads, or right after their nodes are there.
+    page.wait_for_load_state("load")
+    page.wait_for_timeout(60)
     assert page.title() != "taken"
     found = page.evaluate(
         "[...document.querySelectorAll('*')].flatMap(n => [...n.attributes]"

@@ -11,6 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import beta, chi2, poisson
 
+from lumpwatch.models.intervals import (
+    RULE_OF_THREE,
+    binomial_interval,
+    poisson_interval,
+    poisson_upper,
+)
 from lumpwatch.service.config.alarm import AlarmConfig
 from lumpwatch.service.offline.backtest.curve import (
     Point,
@@ -23,12 +29,6 @@ from lumpwatch.service.offline.backtest.curve import (
     thresholds,
 )
 from lumpwatch.service.offline.backtest.episodes import Score, alarm_at, score, spans
-from lumpwatch.service.offline.backtest.intervals import (
-    RULE_OF_THREE,
-    binomial_interval,
-    poisson_interval,
-    poisson_upper,
-)
 from lumpwatch.service.offline.backtest.record import Recording
 from lumpwatch.service.offline.backtest.truth import Truth, truth_of
 from lumpwatch.service.storage.label_file import Box

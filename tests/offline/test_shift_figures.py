@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lumpwatch.models.intervals import binomial_interval
 from lumpwatch.service.cli import main
 from lumpwatch.service.config.evidence import ShiftsConfig
 from lumpwatch.service.core.alarm import AlarmClass
 from lumpwatch.service.errors import ConfigError
-from lumpwatch.service.offline.backtest.intervals import binomial_interval
-from lumpwatch.service.offline.shift.figures import Figures, in_ten_minutes, shift_figures, uptime
-from lumpwatch.service.offline.shift.page import shift_page
-from lumpwatch.service.offline.shift.record import roi_record
-from lumpwatch.service.offline.shift.window import Window, report_window
+from lumpwatch.service.offline.shift_report import shift_page
+from lumpwatch.service.shift.figures import Figures, in_ten_minutes, shift_figures, uptime
+from lumpwatch.service.shift.record import roi_record
+from lumpwatch.service.shift.window import Window, report_window
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
 from lumpwatch.service.storage.event_notes import Span, Verdict, VerdictOutcome
 from tests.offline.shift_scene import BEGIN_S, event

@@ -1,7 +1,8 @@
 // What every page has: the feed, the strip with the most urgent alarm, sound, keys, and a watch over itself.
-import { body, call, mark, may, place, say, toast } from "./dom.js";
+import { body, call, clock, mark, may, place, say, toast } from "./dom.js";
 import { Feed, waiting } from "./feed.js";
 import { Sound } from "./sound.js";
+import { CLASS, plain, reason } from "./words.js";
 
 const byId = (id) => document.getElementById(id);
 export const feed = new Feed();
@@ -10,18 +11,26 @@ const strip = byId("strip");
 // A page may say which alarm its keys mean; else it is the most urgent one.
 export const selection = { current: null, keys: {} };
 let urgent = null;
+let replacedAt = -Infinity;
+const name = (alarm) => `${place(alarm)} ${alarm.class} ${alarm.raised?.id ?? ""}`;
 
 export const region = (alarm) => `/api/v1/cameras/${encodeURIComponent(alarm.camera)}/rois/${encodeURIComponent(alarm.roi)}`;
 
 export async function command(alarm, name, given = {}) {
   try {
     const done = await call(`${region(alarm)}/commands/${name}`, "POST", { class: alarm.class, ...given });
-    toast(`${place(alarm)} ${alarm.class}: ${done.changes?.length ? done.changes.join(", ") : "nothing to do"}`);
+    toast(`${place(alarm)} ${alarm.class}: ${done.changes?.length ? done.changes.map(plain).join(", ") : `nothing to do: it is ${plain(done.alarm)}${by(alarm)}`}`);
     return done;
   } catch (error) {
     toast(`${place(alarm)}: ${error.message}`, true);
     return null;
   }
+}
+
+// Who was quicker.
+function by(alarm) {
+  const last = feed.regions().find((one) => place(one) === place(alarm))?.alarms.find((one) => one.class === alarm.class)?.last;
+  return last?.actor ? `, ${plain(last.change)} by ${last.actor} ${clock(last.time)}` : "";
 }
 
 // Asks for a reason, and for how long where it ends by itself.
@@ -63,33 +72,39 @@ export function evidence(alarm) {
 
 function sentence(alarm) {
   const size = alarm.raised?.longest_mm ? `, ${Math.round(alarm.raised.longest_mm)} mm` : "";
-  const why = alarm.class !== "lump" && alarm.last?.reason ? `, ${alarm.last.reason}` : "";
-  const words = { lump: "LUMP", blind: "BLIND", system: "SYSTEM", blocked: "BLOCKED" };
-  return `${words[alarm.class]} ${place(alarm)}${size}${why}${alarm.state === "RETURNED" ? " (over)" : ""}`;
+  const why = alarm.class !== "lump" && alarm.last?.reason ? `, ${reason(alarm.last.reason)}` : "";
+  return `${CLASS[alarm.class]} ${place(alarm)}${size}${why}${alarm.state === "RETURNED" ? " (over)" : ""}`;
 }
 
 function show() {
   const waits = waiting(feed);
+  const before = urgent;
   urgent = waits[0] ?? null;
+  if (urgent && before && name(urgent) !== name(before)) replacedAt = performance.now();
+  say(byId("now"), `${clock(Date.now())} ${body.dataset.zone.split("/").at(-1).replaceAll("_", " ")}`);
   const silent = feed.regions().filter((one) => feed.status(one) === "SILENT");
   const link = byId("link");
   const linked = feed.linked();
   link.classList.toggle("gone", !linked);
-  say(link, linked ? "connected" : feed.snapshot ? `no connection for ${Math.floor(feed.quietest ?? 0)} s` : "no connection");
+  say(link, linked ? "connected" : feed.ended ? "login over: log in again" : feed.snapshot ? `no connection for ${Math.floor(feed.quietest ?? 0)} s` : "no connection");
   const active = waits.find((one) => one.state === "UNACKNOWLEDGED");
   const kind = active ? (active.class === "lump" || active.class === "blocked" ? "lump" : "blind") : silent.length && feed.snapshot ? "silent" : "";
   sound.wanted(kind);
   strip.hidden = !urgent && !(silent.length && feed.snapshot);
-  strip.className = `strip ${urgent ? urgent.class : "silent"}`;
+  strip.className = `strip ${urgent ? urgent.class : "silent"}${urgent?.state === "RETURNED" ? " over" : ""}`;
   const text = urgent ? sentence(urgent) : silent.length ? `SILENT ${place(silent[0])}: ${feed.news(silent[0])}` : "";
   say(strip.querySelector(".what"), text);
-  mark(strip.querySelector(".mark"), urgent ? { lump: "LUMP", blind: "BLIND", system: "SYSTEM", blocked: "BLOCKED" }[urgent.class] : "SILENT");
-  say(strip.querySelector(".more"), waits.length > 1 ? `and ${waits.length - 1} more` : "");
+  mark(strip.querySelector(".mark"), urgent ? CLASS[urgent.class] : "SILENT");
+  say(strip.querySelector(".when"), urgent?.raised ? `since ${clock(urgent.raised.time)}` : "");
+  // An alarm that waits must not hide that nothing is heard any more.
+  const also = urgent && feed.snapshot ? silent.map(place) : [];
+  say(strip.querySelector(".more"), [waits.length > 1 ? `and ${waits.length - 1} more` : "", also.length ? `SILENT: ${also.join(", ")}` : ""].filter(Boolean).join(", "));
+  strip.querySelector(".more").classList.toggle("silent", also.length > 0);
   const button = strip.querySelector("button");
   button.hidden = !urgent;
   button.disabled = !may("operator");
   // For screen readers: once when it changes, without running seconds.
-  say(byId("said"), urgent ? text : silent.length && feed.snapshot ? `SILENT ${silent.map(place).join(", ")}` : "");
+  say(byId("said"), urgent ? [text, ...also.map((one) => `SILENT ${one}`)].join(". ") : silent.length && feed.snapshot ? `SILENT ${silent.map(place).join(", ")}` : "");
 }
 feed.listeners.push((one) => { one.quietest = performance.now() / 1000 - one.told; });
 feed.listeners.push(show);
@@ -100,7 +115,20 @@ cover.hidden = false;
 const watch = cover.animate([{ opacity: 0 }, { opacity: 0, offset: 0.95 }, { opacity: 1 }], { duration: 6000, fill: "forwards" });
 setInterval(() => { watch.currentTime = 0; }, 1000);
 
-strip.querySelector("button").addEventListener("click", () => urgent && command(urgent, "ack"));
+// Who answers one alarm must not answer the next by it: another one may take its place while the finger is on its way.
+const SETTLES_MS = 700;
+function meant(then) {
+  const alarm = selection.current ?? urgent;
+  if (!alarm || !may("operator")) return;
+  if (!selection.current && performance.now() - replacedAt < SETTLES_MS) toast("Another alarm has just taken this place: look at it, and press again.", true);
+  else then(alarm);
+}
+
+strip.querySelector("button").addEventListener("click", () => {
+  if (urgent && performance.now() - replacedAt < SETTLES_MS) toast("Another alarm has just taken this place: look at it, and press again.", true);
+  else if (urgent) command(urgent, "ack");
+});
+byId("link").addEventListener("click", () => { if (feed.ended) location.href = "/login"; });
 byId("help").addEventListener("click", () => byId("keys").showModal());
 byId("logout")?.addEventListener("click", async () => {
   await call("/logout", "POST");
@@ -108,9 +136,9 @@ byId("logout")?.addEventListener("click", async () => {
 });
 
 const KEYS = {
-  a: () => { const alarm = selection.current ?? urgent; if (alarm && may("operator")) command(alarm, "ack"); },
-  s: () => { const alarm = selection.current ?? urgent; if (alarm && may("operator")) shelve(alarm); },
-  r: () => { const alarm = selection.current ?? urgent; if (alarm && may("operator")) command(alarm, "reset"); },
+  a: () => meant((alarm) => command(alarm, "ack")),
+  s: () => meant(shelve),
+  r: () => meant((alarm) => command(alarm, "reset")),
   e: () => { const alarm = selection.current ?? urgent; if (alarm) evidence(alarm); },
   n: () => sound.toggle(),
   o: () => { location.href = "/"; },

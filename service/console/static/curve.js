@@ -59,9 +59,10 @@ export function objects(context, found, to, scale) {
     const text = [size, lip, `${Math.round(100 * one.existence)} %`].filter(Boolean).join("  ");
     const wide = context.measureText(text).width + 10 * scale;
     const top = Math.max(0, y - 24 * scale);
+    const left = Math.max(0, Math.min(x, context.canvas.width - wide));
     context.fillStyle = "#000c";
-    context.fillRect(x, top, wide, 22 * scale);
+    context.fillRect(left, top, wide, 22 * scale);
     context.fillStyle = "#fff";
-    context.fillText(text, x + 5 * scale, top + 16 * scale);
+    context.fillText(text, left + 5 * scale, top + 16 * scale);
   }
 }

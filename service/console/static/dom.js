@@ -56,17 +56,41 @@ export function toast(text, bad = false) {
   fading = setTimeout(() => { box.hidden = true; }, bad ? 12000 : 4000);
 }
 
+// A console that was started anew knows no session of before: any page begins one. False where a login is needed.
+export async function renew() {
+  const me = await fetch("/api/v1/me");
+  if (!me.ok) return me.status !== 401;
+  const told = await me.json();
+  if (told.csrf) body.dataset.csrf = told.csrf;
+  return true;
+}
+
 // A request to the API; what changes something carries the token of the session.
-export async function call(path, method = "GET", content = undefined) {
+export async function call(path, method = "GET", content = undefined, again = true) {
   const headers = method === "GET" ? {} : { "X-CSRF-Token": body.dataset.csrf };
   const raw = content instanceof Blob;
   if (content !== undefined) headers["Content-Type"] = raw ? "application/octet-stream" : "application/json";
   const answer = await fetch(path, { method, headers, body: content === undefined ? undefined : raw ? content : JSON.stringify(content) });
   const told = answer.status === 204 ? null : await answer.json().catch(() => null);
+  if (answer.status === 403 && again && told?.error?.startsWith("X-CSRF-Token")) {
+    await fetch("/health");
+    await renew();
+    return call(path, method, content, false);
+  }
   if (!answer.ok) throw new Error(told?.error ?? `the console answers ${answer.status}`);
   return told;
 }
 
-export const clock = (iso) => new Date(iso).toLocaleTimeString([], { hour12: false });
-export const moment = (iso) => new Date(iso).toLocaleString([], { hour12: false });
+// Times stand in the site's zone on every page, whatever the computer is set to; Swedish is written as ISO 8601 is.
+const told = (options) => {
+  try {
+    return new Intl.DateTimeFormat("sv-SE", { ...options, timeZone: body.dataset.zone });
+  } catch {
+    return new Intl.DateTimeFormat("sv-SE", { ...options, timeZone: "UTC", timeZoneName: "short" }); // a zone that the browser does not know
+  }
+};
+const TIME = { hour: "2-digit", minute: "2-digit", second: "2-digit" };
+const clocks = [told(TIME), told({ ...TIME, year: "numeric", month: "2-digit", day: "2-digit" })];
+export const clock = (iso) => clocks[0].format(new Date(iso));
+export const moment = (iso) => clocks[1].format(new Date(iso));
 export const place = (one) => `${one.camera} / ${one.roi}`;

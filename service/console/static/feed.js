@@ -2,6 +2,8 @@
 //
 // A snapshot says how long ago each heartbeat came. From then on only this page's clock counts: when a heartbeat
 // is older than it may be, the region is SILENT, whoever is gone: server, bus, monitor or camera.
+import { renew } from "./dom.js";
+
 const REOPEN_S = 3;
 
 export const now = () => performance.now() / 1000;
@@ -14,6 +16,7 @@ export class Feed {
     this.heard = new Map();
     this.listeners = [];
     this.quickest = Infinity;
+    this.ended = false;
     this.open();
     setInterval(() => this.tick(), 250);
   }
@@ -24,6 +27,16 @@ export class Feed {
     this.quickest = Infinity;
     this.source = new EventSource("/api/v1/stream");
     this.source.onmessage = (event) => this.take(JSON.parse(event.data));
+    this.source.onerror = () => this.ask();
+  }
+
+  // Whether the login is over: then only a new one helps, and the page says so instead of going away.
+  async ask() {
+    try {
+      this.ended = !(await renew());
+    } catch {
+      // no connection: that is seen anyway
+    }
   }
 
   take(snapshot) {
@@ -35,6 +48,7 @@ export class Feed {
     for (const [id, camera] of Object.entries(snapshot.cameras)) {
       if (camera.heard_ago_s !== null) this.heard.set(id, came - late - camera.heard_ago_s);
     }
+    if (this.ended) this.ask(); // somebody has logged in again in another window
     this.told = came - late;
     this.taken = came;
     this.snapshot = snapshot;
@@ -60,7 +74,7 @@ export class Feed {
   }
 
   linked() {
-    return now() - this.told <= REOPEN_S;
+    return !this.ended && now() - this.told <= REOPEN_S;
   }
 
   regions() {
@@ -68,7 +82,8 @@ export class Feed {
   }
 
   news(region) {
-    return `no news for ${Math.floor(this.quiet(region.camera))} s`;
+    if (this.ended) return "the login is over";
+    return `no news for ${Math.floor(this.quiet(region.camera))}\u00a0s`;
   }
 }
 
@@ -95,7 +110,7 @@ export function feeding(region) {
 
 export const HELD = ["SHELVED", "SUPPRESSED", "OUT_OF_SERVICE"];
 export const WAITS = ["UNACKNOWLEDGED", "RETURNED"];
-const CLASSES = ["lump", "blind", "system", "blocked"];
+export const CLASSES = ["lump", "blind", "system", "blocked"];
 
 // All alarms that wait to be acknowledged, the most urgent first.
 export function waiting(feed) {

@@ -1,6 +1,7 @@
 // From camera to alarm: each stage with its last time, rate and latency, and what to do.
 import { feed } from "./common.js";
 import { make } from "./dom.js";
+import { plain, reason as why } from "./words.js";
 
 const holder = document.getElementById("health");
 const rates = new Map();
@@ -25,6 +26,11 @@ function stage(name, fine, text, todo = "") {
   return make("li", { class: fine ? "panel" : "panel bad" }, make("strong", {}, name), make("br"), text, ...(fine || !todo ? [] : [make("br"), make("em", {}, todo)]));
 }
 
+function standing(alarms) {
+  const others = alarms.filter((one) => one.state !== "NORMAL");
+  return others.length ? others.map((one) => `${one.class} ${plain(one.state)}`).join(", ") : "all NORMAL";
+}
+
 function show() {
   const parts = [];
   for (const [id, camera] of Object.entries(feed.snapshot?.cameras ?? {})) {
@@ -33,7 +39,7 @@ function show() {
     const heard = camera.valid_s !== null && quiet <= camera.valid_s;
     const stages = [
       stage("console", feed.linked(), feed.linked() ? "this page hears the console" : "this page hears nothing", "Is `lumpwatch console` running?"),
-      stage("monitor", heard && camera.valid, heard ? `heartbeat ${quiet.toFixed(1)} s ago${camera.valid ? "" : ", not valid"}` : `no heartbeat for ${Math.floor(quiet)} s`, "Is the daemon running, and its bus reachable? See its log and /readyz."),
+      stage("monitor", heard && camera.valid, heard ? `heartbeat ${quiet.toFixed(1)} s ago${camera.valid ? "" : ", not valid"}` : `no heartbeat for ${Math.floor(quiet)}\u00a0s`, "Is the daemon running, and its bus reachable? See its log and /readyz."),
     ];
     for (const region of regions) {
       const status = feed.status(region);
@@ -41,10 +47,10 @@ function show() {
       const reason = region.state.reason;
       const age = region.state.timing?.age_s;
       stages.push(
-        stage(`camera → ${region.roi}`, !["no_stream", "stale", "starting"].includes(reason) && status !== "SILENT", speed === null ? "no frame yet" : `frame ${region.state.frame}, ${speed.toFixed(1)} frames/s`, TODO[reason] ?? ""),
-        stage(`decision ${region.roi}`, status === "CLEAR" || status === "LUMP", `${status}${reason ? ` (${reason})` : ""}${age === undefined || age === null ? "" : `, ${Math.round(1000 * age)} ms after capture`}`, TODO[reason] ?? "Nothing valid is heard of this region."),
-        stage(`prior ${region.roi}`, Boolean(region.state.trained), region.state.trained ? `version ${region.state.prior}` : "untrained: the net that ships, alone", "A minute of labels teaches it: see Commissioning."),
-        stage(`alarm ${region.roi}`, region.alarms.find((one) => one.class === "system")?.state === "NORMAL", region.alarms.map((one) => `${one.class} ${one.state}`).join(", "), "System alarm: decisions come late, or a proof test failed."),
+        stage(`camera → ${region.roi}`, !["no_stream", "stale", "starting"].includes(reason) && status !== "SILENT", speed === null ? status === "SILENT" ? "not known" : "no frame yet" : `frame ${region.state.frame}, ${speed.toFixed(1)} frames/s`, TODO[reason] ?? ""),
+        stage(`decision ${region.roi}`, status === "CLEAR" || status === "LUMP" || status === "BLOCKED", `${status}${reason ? ` (${why(reason)})` : ""}${status === "SILENT" || age === undefined || age === null ? "" : `, ${Math.round(1000 * age)} ms after capture`}`, TODO[reason] ?? "Nothing valid is heard of this region."),
+        stage(`prior ${region.roi}`, Boolean(region.state.trained), status === "SILENT" ? "not known" : region.state.trained ? `version ${region.state.prior}` : "untrained: the net that ships, alone", status === "SILENT" ? "Nothing valid is heard of this region." : "A minute of labels teaches it: see Commissioning."),
+        stage(`alarm ${region.roi}`, status !== "SILENT" && region.alarms.find((one) => one.class === "system")?.state === "NORMAL", status === "SILENT" ? "not known" : standing(region.alarms), status === "SILENT" ? "Nothing valid is heard of this region." : `System alarm: ${why(region.alarms.find((one) => one.class === "system")?.last?.reason) || "decisions come late, or a proof test failed"}.`),
       );
     }
     parts.push(make("h2", {}, id), make("ul", { class: "stages" }, ...stages));

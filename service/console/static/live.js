@@ -3,6 +3,7 @@ import { command, evidence, feed, shelve } from "./common.js";
 import { call, make, mark, may, say, set } from "./dom.js";
 import { curve, objects } from "./curve.js";
 import { HELD, feeding, largest, now, soonest } from "./feed.js";
+import { blockage, plain, reason, untrained } from "./words.js";
 
 const EVERY_S = 0.1;
 const main = document.getElementById("main");
@@ -64,7 +65,7 @@ async function pictures() {
         draw(bitmap, about);
         bitmap.close();
         shownAt = now();
-      } else if (answer.status === 401) location.reload();
+      } else if (answer.status === 401) await feed.ask();
       else if (answer.status !== 204) throw new Error("no picture");
     } catch {
       await new Promise((resolve) => setTimeout(resolve, 500));
@@ -84,20 +85,24 @@ async function history(roi) {
   }
 }
 
-function alarms(node, region) {
+// What is NORMAL, and no lump alarm, takes one line together. Of a region that is silent nobody knows.
+function alarms(node, region, heard) {
   const list = node.querySelector(".alarms-of");
-  const key = JSON.stringify(region.alarms.map((alarm) => [alarm.state, alarm.raised?.evidence]));
+  const key = JSON.stringify([heard, ...region.alarms.map((alarm) => [alarm.state, alarm.raised?.evidence])]);
   if (list.dataset.key === key) return;
   list.dataset.key = key;
-  list.replaceChildren(...region.alarms.map((alarm) => {
+  const quiet = region.alarms.filter((alarm) => alarm.class !== "lump" && ["NORMAL", "UNKNOWN"].includes(alarm.state));
+  const others = region.alarms.filter((alarm) => !quiet.includes(alarm));
+  const together = quiet.length ? [make("li", {}, make("span", {}, quiet.map((alarm) => alarm.class).join(", ")), make("span", { class: "state" }, heard ? "NORMAL" : "not known"))] : [];
+  list.replaceChildren(...others.map((alarm) => {
     const one = { ...alarm, camera: region.camera, roi: region.roi };
     const act = (text, run, shown, role = "operator") => (shown && may(role) ? make("button", { type: "button", onclick: run }, text) : null);
     const waits = alarm.state === "UNACKNOWLEDGED" || alarm.state === "RETURNED";
-    return make("li", {}, make("span", {}, alarm.class), make("span", { class: "state" }, alarm.state.replaceAll("_", " ")),
+    return make("li", {}, make("span", {}, alarm.class), make("span", { class: "state" }, heard || alarm.state !== "NORMAL" ? plain(alarm.state) : "not known"),
       act("Acknowledge", () => command(one, "ack"), waits), act("Shelve", () => shelve(one), !HELD.includes(alarm.state)),
       act("Unshelve", () => command(one, "unshelve"), alarm.state === "SHELVED"), act("Reset", () => command(one, "reset"), alarm.state === "LATCHED"),
       act("Evidence", () => evidence(one), Boolean(alarm.raised?.evidence), "viewer"));
-  }));
+  }), ...together);
 }
 
 function show() {
@@ -107,23 +112,24 @@ function show() {
     const node = panels.get(region.roi);
     if (!node) continue;
     const status = feed.status(region);
-    silent &&= status === "SILENT";
+    const heard = status !== "SILENT";
+    silent &&= !heard;
     set(node, "data-status", status);
     mark(node.querySelector(".mark"), status);
     say(node.querySelector(".text"), status);
-    say(node.querySelector(".detail"), status === "SILENT" ? feed.news(region) : status === "BLIND" ? region.state.reason ?? "" : feeding(region));
+    say(node.querySelector(".detail"), status === "SILENT" ? feed.news(region) : status === "BLIND" ? reason(region.state.reason) : status === "BLOCKED" ? blockage(region) : feeding(region));
+    say(node.querySelector(".untaught"), heard && untrained(region) ? "untrained: finds fewer lumps" : "");
     const lip = soonest(region);
     if (region.state.frame !== countdown.get(region.roi)?.frame) {
       countdown.set(region.roi, { frame: region.state.frame, at: at - (region.state.timing?.age_s ?? 0), lip });
     }
     const known = countdown.get(region.roi);
     const left = known?.lip === null || known === undefined ? null : known.lip - (at - known.at);
-    const heard = status !== "SILENT";
     say(node.querySelector(".lip"), heard && left !== null ? `${Math.max(0, left).toFixed(1)} s` : "–");
     const size = largest(region)?.size?.longest_mm;
     say(node.querySelector(".size"), heard && size ? `${Math.round(size)} mm` : "–");
     say(node.querySelector(".existence"), heard ? `${Math.round(100 * (region.state.existence ?? 0))} %` : "–");
-    alarms(node, region);
+    alarms(node, region, heard);
     const kept = points.get(region.roi);
     if (kept) {
       if (heard && feed.taken !== kept.taken) {
@@ -137,7 +143,7 @@ function show() {
   const old = at - shownAt > 3;
   figure.classList.toggle("silent", silent || old);
   const quiet = Math.floor(silent ? feed.quiet(camera) : at - Math.max(shownAt, feed.began));
-  say(document.getElementById("view-note"), silent ? `SILENT: no news for ${quiet} s` : shownAt > 0 ? `no picture for ${quiet} s` : "no picture yet");
+  say(document.getElementById("view-note"), silent && feed.ended ? "SILENT: the login is over" : silent ? `SILENT: no news for ${quiet}\u00a0s` : shownAt > 0 ? `no picture for ${quiet}\u00a0s` : "no picture yet");
 }
 
 await Promise.all(Object.keys(shape).map(history));

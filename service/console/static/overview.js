@@ -2,6 +2,7 @@
 import { feed, selection } from "./common.js";
 import { make, mark, place, say, set } from "./dom.js";
 import { feeding, largest, soonest, worst } from "./feed.js";
+import { blockage, plain, reason, untrained } from "./words.js";
 
 const list = document.getElementById("tiles");
 const tiles = new Map();
@@ -11,22 +12,18 @@ function tile(region) {
   if (!tiles.has(key)) {
     const parts = {
       where: make("a", { class: "where", href: `/cameras/${encodeURIComponent(region.camera)}` }, key),
-      mark: make("span", { class: "mark" }), text: make("span", {}), detail: make("p", { class: "detail" }), alarm: make("p", { class: "alarm" }),
+      mark: make("span", { class: "mark" }), text: make("span", {}), detail: make("p", { class: "detail" }), note: make("p", { class: "untaught" }), alarm: make("p", { class: "alarm" }),
     };
-    const item = make("li", { class: "tile" }, parts.where, make("p", { class: "word" }, parts.mark, parts.text), parts.detail, parts.alarm);
+    const item = make("li", { class: "tile" }, parts.where, make("p", { class: "word" }, parts.mark, parts.text), parts.detail, parts.note, parts.alarm);
     tiles.set(key, { item, ...parts });
   }
   return tiles.get(key);
 }
 
-const WHY = {
-  starting: "no picture yet", unfit: "region does not fit the picture", no_stream: "no picture comes", stale: "pictures come late", filter: "the filter fails",
-  overload: "too slow to judge", frozen: "picture does not change", dark: "too dark", glare: "glare", moved: "camera has moved", dusty: "dust", hidden: "view is covered", blurred: "blurred", exposure: "exposure jumped",
-};
-
 function detail(region, status) {
   if (status === "SILENT") return feed.news(region);
-  if (status === "BLIND") return WHY[region.state.reason] ?? region.state.reason ?? "";
+  if (status === "BLIND") return reason(region.state.reason);
+  if (status === "BLOCKED") return blockage(region);
   if (status === "CLEAR") return feeding(region);
   const size = largest(region)?.size?.longest_mm;
   const lip = soonest(region);
@@ -39,7 +36,7 @@ function show() {
   regions.forEach((region, i) => {
     const one = tile(region);
     const status = feed.status(region);
-    const stands = region.alarms.filter((alarm) => alarm.state !== "NORMAL");
+    const stands = region.alarms.filter((alarm) => !["NORMAL", "UNKNOWN"].includes(alarm.state));
     const about = stands.find((alarm) => alarm.class === status.toLowerCase());
     set(one.item, "data-status", status);
     set(one.item, "data-unacked", stands.some((alarm) => alarm.state === "UNACKNOWLEDGED"));
@@ -47,7 +44,8 @@ function show() {
     mark(one.mark, status);
     say(one.text, status);
     say(one.detail, detail(region, status));
-    say(one.alarm, stands.map((alarm) => `${alarm.class}: ${alarm.state.replaceAll("_", " ")}`).join(" · "));
+    say(one.note, status !== "SILENT" && untrained(region) ? "untrained: finds fewer lumps" : "");
+    say(one.alarm, stands.map((alarm) => `${alarm.class}: ${plain(alarm.state)}`).join(" · "));
     if (list.children[i] !== one.item) {
       const focused = document.activeElement;
       list.insertBefore(one.item, list.children[i] ?? null);

@@ -17,15 +17,15 @@ from itertools import takewhile
 
 import numpy as np
 
-from lumpwatch.service.config import AlarmConfig
-from lumpwatch.service.detection import SHOWN_ABOVE
-from lumpwatch.service.offline.backtest.episodes import Score, alarm_at, score
-from lumpwatch.service.offline.backtest.intervals import (
+from lumpwatch.models.intervals import (
     RULE_OF_THREE,
     binomial_interval,
     poisson_interval,
     poisson_upper,
 )
+from lumpwatch.service.config import AlarmConfig
+from lumpwatch.service.detection import SHOWN_ABOVE
+from lumpwatch.service.offline.backtest.episodes import Score, alarm_at, score
 from lumpwatch.service.offline.backtest.record import Recording
 from lumpwatch.service.offline.backtest.truth import Truth, near
 

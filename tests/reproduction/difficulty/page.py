@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lumpwatch.service.offline.backtest.intervals import binomial_interval, poisson_interval
+from lumpwatch.models.intervals import binomial_interval, poisson_interval
 from tests.reproduction import matrix
 from tests.reproduction.difficulty import plots
 from tests.reproduction.difficulty.judge import (

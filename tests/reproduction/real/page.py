@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lumpwatch.service.offline.backtest.intervals import binomial_interval, poisson_upper
+from lumpwatch.models.intervals import binomial_interval, poisson_upper
 from tests.reproduction.real.feeds import Site
 from tests.reproduction.real.judge import LEAST_WARNING_S
 from tests.reproduction.real.runner import Outcome, kind_of

@@ -10,10 +10,8 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from lumpwatch.service.offline.html import html_page
-from lumpwatch.service.offline.shift.figures import Figures
-from lumpwatch.service.offline.shift.plots import distributions, rates, timeline
-from lumpwatch.service.offline.shift.record import RoiRecord
-from lumpwatch.service.offline.shift.window import Window
+from lumpwatch.service.offline.shift_plots import distributions, rates, timeline
+from lumpwatch.service.shift import Figures, RoiRecord, Window
 
 
 def shift_page(

@@ -16,9 +16,8 @@ from datetime import UTC, datetime
 from statistics import median
 from typing import Any
 
-from lumpwatch.service.offline.backtest.intervals import binomial_interval
-from lumpwatch.service.offline.shift.record import AlarmStory, RoiRecord
-from lumpwatch.service.offline.shift.window import Window
+from lumpwatch.service.shift.record import AlarmStory, RoiRecord
+from lumpwatch.service.shift.window import Window
 from lumpwatch.service.storage import Span, VerdictOutcome
 
 Figures = dict[str, Any]
@@ -95,8 +94,17 @@ def _of_alarms(alarms: Sequence[AlarmStory], watched_h: float) -> Figures:
         "unacknowledged": sum(delay_s is None for delay_s in acknowledged),
         "verdicts": {outcome.value: counts[outcome] for outcome in VerdictOutcome} | {"none": counts[None]},
         "precision": round(true / judged, 6) if judged else None,
-        "precision_interval": [round(end, 6) for end in binomial_interval(true, judged)],
+        "precision_interval": [round(end, 6) for end in _interval(true, judged)],
     }
+
+
+def _interval(true: int, judged: int) -> tuple[float, float]:
+    """Of the precision; anything is possible where nothing was judged."""
+    if not judged:
+        return 0.0, 1.0
+    from lumpwatch.models.intervals import binomial_interval  # loads SciPy, which no console needs at rest
+
+    return binomial_interval(true, judged)
 
 
 def uptime(spans: Iterable[Span], window: Window) -> tuple[float, dict[str, float]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.core import AlarmClass, Change
-from lumpwatch.service.offline.shift.window import Window
+from lumpwatch.service.shift.window import Window
 from lumpwatch.service.storage import (
     Event,
     Span,

@@ -8,9 +8,7 @@ from datetime import datetime, tzinfo
 from typing import Any
 
 from lumpwatch.service.offline.plots import new_figure
-from lumpwatch.service.offline.shift.figures import FLOOD, TEN_MINUTES_S, Figures, in_ten_minutes
-from lumpwatch.service.offline.shift.record import RoiRecord
-from lumpwatch.service.offline.shift.window import Window
+from lumpwatch.service.shift import FLOOD, TEN_MINUTES_S, Figures, RoiRecord, Window, in_ten_minutes
 from lumpwatch.service.storage import Span
 
 SEEN, UNKNOWN = "#cfe8cf", "#d0d0d0"

@@ -1,1 +1,0 @@
-"""The report of a shift: figures from the event log, as JSON and as a page."""
