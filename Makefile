@@ -35,6 +35,7 @@ $(READY): pyproject.toml requirements.lock
 	$(BIN)/pip install --quiet --requirement requirements.lock
 	$(BIN)/pip install --quiet --no-deps --editable .
 	@$(BIN)/pip install --quiet --no-deps $(ORACLE) || echo "$(ORACLE) cannot be installed: the tests that compare with it say so"
+	@$(BIN)/python -m lumpwatch.service.cli.kernels || echo "kernels could not be compiled ahead: the first start takes some seconds longer"
 	@touch $@
 
 demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself

@@ -89,9 +89,10 @@ OPERATIONS = (
 
 ENGINEERING = (
     Panel(
-        "Frames a second", "Frames from the camera, and frames that each region decided on.",
+        "Frames a second", "From the camera, passed over by rule (decide_hz), and those that each region decided on.",
         (
             (f"rate(lumpwatch_frames_received_total{{{ROI}}}[1m])", "{{camera}} received"),
+            (f"sum by (camera) (rate(lumpwatch_frames_paced_total{{{ROI},roi=\"\"}}[1m]))", "{{camera}} paced"),
             (f"rate(lumpwatch_frames_processed_total{{{ROI}}}[1m])", "{{camera}}/{{roi}} decided"),
         ),
         unit="hertz",

@@ -67,6 +67,9 @@ class HistogramLikelihood:
     evidence: float
     bound: float
     channel: Channel = "luma"
+    interval_s: float | None = None
+    """Interval of the frames that `evidence` is the share of; what counts of others grows with the time since the last,
+    up to all of it. None: the same of every frame."""
     _scratch: NDArray[np.uint64] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -77,10 +80,11 @@ class HistogramLikelihood:
             not np.isfinite([self.offset, self.slope]).all()
             or not self.evidence >= 0.0
             or not self.bound > 0.0
+            or not (self.interval_s is None or self.interval_s > 0.0)
         ):
             raise ValueError(
-                "offset and slope must be finite, evidence not negative and bound positive, "
-                f"not {self.offset}, {self.slope}, {self.evidence} and {self.bound}"
+                "offset and slope must be finite, evidence not negative, bound and interval positive, "
+                f"not {self.offset}, {self.slope}, {self.evidence}, {self.bound} and {self.interval_s}"
             )
 
     def observe(self, view: View, dt: float = inf) -> HistogramObservation:
@@ -90,7 +94,10 @@ class HistogramLikelihood:
         if self._scratch is None or self._scratch.shape != shape:
             self._scratch = np.zeros(shape, np.uint64)
         integral_histogram(bins, self._scratch)
-        return HistogramObservation(self, self._scratch, view.inside)
+        share = self.evidence
+        if self.interval_s is not None:
+            share = min(max(share, 1.0), share * dt / self.interval_s)
+        return HistogramObservation(self, self._scratch, view.inside, share)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +107,8 @@ class HistogramObservation:
     likelihood: HistogramLikelihood
     integral: NDArray[np.uint64]
     inside: NDArray[np.int32]
+    share: float
+    """Share of the log ratio that counts."""
 
     def distance(self, states: States) -> NDArray[np.float64]:
         """Squared Bhattacharyya distance (n,) to the reference; 1 for a box that leaves the polygon."""
@@ -115,7 +124,7 @@ class HistogramObservation:
         """See `Observation`."""
         model = self.likelihood
         ratio = model.offset - model.slope * self.distance(states)
-        return bounded(ratio, model.evidence, model.bound)
+        return bounded(ratio, self.share, model.bound)
 
 
 def histogram(integral: NDArray[np.uint64], state: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -12,13 +12,14 @@ from prometheus_client import CollectorRegistry
 
 from lumpwatch.models.picture.reference import thumbnail
 from lumpwatch.models.roi import Image, Roi, make_roi
+from lumpwatch.service.belt import camera_pace
 from lumpwatch.service.bus import BusClosed, Keys, open_client
 from lumpwatch.service.capture.proof_blender import Blender
 from lumpwatch.service.capture.sources.base import Fault
 from lumpwatch.service.capture.sources.make import make_source
 from lumpwatch.service.capture.sources.reconnect import Reconnecting
 from lumpwatch.service.config import CameraConfig, SiteConfig
-from lumpwatch.service.core import Frame, log_to_stderr, reduced_frame
+from lumpwatch.service.core import Frame, Pace, log_to_stderr, reduced_frame
 from lumpwatch.service.telemetry import CameraMetrics, DaemonConnection
 
 log = logging.getLogger(__name__)
@@ -58,6 +59,9 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
             daemon.state = "connecting"
             reduce = Reducer(camera)
             while (frame := _read(source, daemon, metrics)) is not None:
+                if not reduce.is_due(frame):
+                    metrics.paced()
+                    continue
                 started = time.perf_counter()
                 whole = frame if publisher.picture_wanted else None
                 publisher.publish(reduce(frame), camera.wire.encoding, whole)
@@ -87,7 +91,7 @@ def _read(source: Reconnecting, daemon: DaemonConnection, metrics: CameraMetrics
 
 
 class Reducer:
-    """Cuts frames down to what the camera's regions need, whatever the size of the picture.
+    """Cuts frames down to what the camera's regions need, and tells which they need, whatever the size of the picture.
 
     Where the quality of the picture is checked, a thumbnail of the whole goes with it.
     """
@@ -97,22 +101,32 @@ class Reducer:
         self._thumb: tuple[float, Image] | None = None
         self._size = (0, 0)
         self._rois: tuple[Roi, ...] = ()
+        self._pace = Pace()
+
+    def is_due(self, frame: Frame) -> bool:
+        """Whether any region is to be decided on it."""
+        self._fit(frame)
+        return self._pace.take(frame.capture_s)
 
     def __call__(self, frame: Frame) -> Frame:
         """The reduced frame; the whole frame where a region does not fit the picture: the monitor says so."""
-        if (frame.width, frame.height) != self._size:
-            self._size, self._thumb = (frame.width, frame.height), None
-            try:
-                self._rois = tuple(
-                    make_roi(roi.polygon, *self._size, roi.detector.working_size_px)
-                    for roi in self._camera.rois
-                )
-            except ValueError:
-                self._rois = ()
+        self._fit(frame)
         if not self._rois:
             return frame
         cut = reduced_frame(frame, self._rois, self._camera.quality.follows * frame.width)
         return frame if cut is frame else replace(cut, thumb=self._thumbnail(frame))
+
+    def _fit(self, frame: Frame) -> None:
+        if (frame.width, frame.height) == self._size:
+            return
+        self._size, self._thumb = (frame.width, frame.height), None
+        self._pace = camera_pace(self._camera, *self._size)
+        try:
+            self._rois = tuple(
+                make_roi(roi.polygon, *self._size, roi.detector.working_size_px) for roi in self._camera.rois
+            )
+        except ValueError:
+            self._rois = ()
 
     def _thumbnail(self, frame: Frame) -> Image | None:
         """One that is not older than a check's distance: it is sent with every frame, for some are skipped."""

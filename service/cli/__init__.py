@@ -34,6 +34,7 @@ _MODULES = {
     "reference": ("reference",),
     "priors": ("priors",),
     "check": ("check",),
+    "bench": ("bench",),
     "init": ("init",),
     "snapshot": ("snapshot", "record"),
     "schema": ("schema",),

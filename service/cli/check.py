@@ -15,12 +15,13 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.models.roi import Image
+from lumpwatch.service.belt import make_pace, make_plane, pixels_of
 from lumpwatch.service.capture import look_at
 from lumpwatch.service.cli.common import Commands, add_command, camera_of
 from lumpwatch.service.cli.snapshot import save_picture
 from lumpwatch.service.config import CameraConfig, SiteConfig, load_config
 from lumpwatch.service.core import write_words
-from lumpwatch.service.detection import draw_belt, make_plane, pixels_of, seen_belt
+from lumpwatch.service.detection import draw_belt, seen_belt
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors, check_simulations
 
@@ -126,9 +127,12 @@ def _check_files(config: SiteConfig) -> None:
 def _calibrations(found: _Found, camera: CameraConfig, size: tuple[int, int], *, stated: bool) -> None:
     """What each calibration means in pictures of that size. Raises ConfigError where one makes no sense."""
     for roi, told in zip(camera.rois, (one for one in found.rois if one["camera"] == camera.id), strict=True):
+        place = f"{camera.id}/{roi.id}"
+        told["decide_hz"] = rate_hz = make_pace(roi, camera.sight, *size).rate_hz
+        decided = "on every frame" if rate_hz is None else f"{rate_hz:.3g} times a second at least"
+        found.lines.append(f"{place}: decided {decided}")
         if roi.calibration is None:
             continue
-        place = f"{camera.id}/{roi.id}"
         try:
             plane = make_plane(roi.calibration, *size)
         except ValueError as error:

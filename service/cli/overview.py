@@ -9,6 +9,7 @@ GROUPS: dict[str, dict[str, str]] = {
         "demo": "the whole product on a simulated crusher",
         "init": "five questions, a commented configuration file",
         "check": "is the configuration right; what calibrations mean; what cameras send",
+        "bench": "how many such cameras this machine carries",
         "snapshot": "a still of a camera",
         "record": "a clip of a camera",
         "completion": "of the command line in bash, zsh, fish",

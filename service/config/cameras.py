@@ -19,6 +19,7 @@ from lumpwatch.service.config.sight import SightConfig
 from lumpwatch.service.config.source import SourceConfig
 
 Point = tuple[Unit, Unit]
+DecideRate = Annotated[float, Field(ge=1.0, le=240.0)] | Literal["all"]
 Polygon = Annotated[tuple[Point, ...], Field(min_length=3, max_length=64)]
 
 
@@ -62,6 +63,11 @@ class RoiConfig(Strict):
     """Corners relative to the picture: (0, 0) top left, (1, 1) bottom right."""
     detector: DetectorConfig = JdtConfig()
     """The filter that runs on this ROI."""
+    decide_hz: DecideRate | None = None
+    """Frames a second that are decided on, or `all`: every second, third … one of the camera's, as few as are no fewer
+    than this. Those between are passed over by rule, and counted as `paced`. Left out: 10, more on a calibrated belt
+    whose `speed_m_s` leaves a lump's ride too short for that; all frames for trackers, for networks, and where
+    `evidence` is configured, which reads by frames and not by seconds."""
     calibration: CalibrationConfig | None = None
     """Where the belt lies, for sizes in millimetres; left out: sizes are judged by what training saw."""
     feed: FeedConfig = FeedConfig()
@@ -137,6 +143,13 @@ class CameraConfig(Strict):
         ids = [roi.id for roi in self.rois]
         if twice := {i for i in ids if ids.count(i) > 1}:
             raise ValueError(f"rois: id '{min(twice)}' is given more than once")
+        least_hz = self.sight.least_frames / self.sight.within_s
+        for roi in self.rois:
+            if isinstance(roi.decide_hz, float) and roi.decide_hz <= least_hz:
+                raise ValueError(
+                    f"roi {roi.id}: decide_hz ({roi.decide_hz:g}) is too seldom for CLEAR, which takes more than "
+                    f"{least_hz:g} frames a second (sight.least_frames within sight.within_s)"
+                )
         return self
 
     @property

@@ -69,6 +69,7 @@ from lumpwatch.service.core.feed import FeedState, FeedStatus, PlantFeed, Visibl
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_level, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
+from lumpwatch.service.core.pace import Pace, PaceState
 from lumpwatch.service.core.plain_text import printable
 from lumpwatch.service.core.spells import Spells
 from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
@@ -103,6 +104,8 @@ __all__ = [
     "LumpSize",
     "MediaClock",
     "NotCounted",
+    "Pace",
+    "PaceState",
     "PictureQuality",
     "PlantFeed",
     "Priority",

@@ -1,6 +1,6 @@
 """From picture to decision: regions, detectors, picture quality, and the pipeline of one camera."""
 
-from lumpwatch.service.detection.belt_view import draw_belt, pixels_of, seen_belt
+from lumpwatch.service.detection.belt_view import draw_belt, seen_belt
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.detectors.base import SHOWN_ABOVE, Detector, FilterState
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, make_likelihood, make_profile
@@ -14,7 +14,7 @@ from lumpwatch.service.detection.region_channel import MakeDetector, RegionChann
 from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
 from lumpwatch.service.detection.sight import SightState
-from lumpwatch.service.detection.sizing import SizeTrack, make_plane
+from lumpwatch.service.detection.sizing import SizeTrack
 from lumpwatch.service.detection.snapshot import Snapshot
 
 __all__ = [
@@ -39,9 +39,7 @@ __all__ = [
     "make_likelihood",
     "make_net",
     "make_network",
-    "make_plane",
     "make_profile",
     "make_region",
-    "pixels_of",
     "seen_belt",
 ]

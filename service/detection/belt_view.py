@@ -1,11 +1,10 @@
 """What a calibration means, to be looked at: how long the belt is, how high the camera hangs, how large a lump appears.
 
-`check_geometry` refuses what no belt can be; `BeltView` has the figures, and `draw` the grid on a picture.
+`BeltView` has the figures, and `draw` the grid on a picture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import hypot
 
@@ -15,18 +14,14 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.plane import BeltPlane, on_belt, side_of, to_picture
 from lumpwatch.models.roi import Image
+from lumpwatch.service.belt import to_lip_m
 from lumpwatch.service.config import CalibrationConfig
 from lumpwatch.service.core import draw_lip, write_words
 
 Array = NDArray[np.float64]
 
-HEIGHT_M = (0.2, 100.0)
-LENGTH_M = (0.2, 200.0)
-"""Camera heights and belt lengths that are possible."""
 WIDE_DEG = 100.0
 """Lenses that see more than this bend straight lines."""
-_BEYOND = 0.6
-"""How far beyond the lip measured points may lie, in units of the belt before it: a mark on the structure, say."""
 _STEPS_M = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _GRID, _INK = (90, 220, 255), (255, 255, 255)
 
@@ -75,45 +70,9 @@ class BeltView:
         )
 
 
-def check_geometry(config: CalibrationConfig, plane: BeltPlane, points: Array, lip: Array) -> None:
-    """Raises ValueError with what is wrong for a belt that cannot be; `points` (n, 2) and `lip` (2, 2) in px."""
-    if config.width is not None:
-        far, near = (float(np.hypot(*(points[k] - points[k + 1]))) for k in (0, 2))
-        if far > 1.05 * near:
-            raise ValueError(
-                f"calibration: the far edge ({far:.0f} px) is longer than the near one ({near:.0f} px): "
-                "far and near are swapped"
-            )
-    height_m = float(plane.cameras.centre[0, 2]) / 1000
-    if not HEIGHT_M[0] <= height_m <= HEIGHT_M[1]:
-        raise ValueError(
-            f"calibration: the camera would be {height_m:.3g} m above the belt; check the measures"
-        )
-    if not np.isfinite(on_belt(plane, lip)).all():
-        raise ValueError(
-            "calibration: the lip lies above the horizon of the belt, where the camera sees no belt"
-        )
-    away = _to_lip_m(plane, points)
-    length_m = float(away.max())
-    if not LENGTH_M[0] <= length_m <= LENGTH_M[1]:
-        raise ValueError(
-            f"calibration: the belt would be {length_m:.3g} m long from its farthest point to the lip; "
-            "check the order of the points, and the lip"
-        )
-    if away.min() < -_BEYOND * length_m:
-        raise ValueError(
-            "calibration: the lip runs between the points of the belt; it must lie where the belt ends"
-        )
-    if config.width is not None and away[:2].mean() < away[2:].mean():
-        raise ValueError(
-            "calibration: the lip lies on the side of the far edge; for a belt that runs away from the camera "
-            "give points"
-        )
-
-
 def seen_belt(config: CalibrationConfig, plane: BeltPlane, points: Array, lip: Array) -> BeltView:
     """The figures; `points` (n, 2) of the calibration and `lip` (2, 2) in pixels of the picture."""
-    away = _to_lip_m(plane, points)
+    away = to_lip_m(plane, points)
     far = points[np.isclose(away, away.max(), rtol=0.05)].mean(axis=0)
     sides: tuple[float | None, float | None] = (None, None)
     if config.limit_mm is not None:
@@ -126,7 +85,7 @@ def seen_belt(config: CalibrationConfig, plane: BeltPlane, points: Array, lip: A
 
 def draw_belt(canvas: Image, config: CalibrationConfig, plane: BeltPlane, points: Array, lip: Array) -> None:
     """Draw the belt's grid into a BGR picture: metres to the lip, the lip, and lumps of the limit's size."""
-    away = _to_lip_m(plane, points)
+    away = to_lip_m(plane, points)
     start, beyond = plane.lip[0][0], plane.lip[1][0]
     along = np.array([-beyond[1], beyond[0]])
     across = (on_belt(plane, points) - start) @ along
@@ -148,21 +107,6 @@ def draw_belt(canvas: Image, config: CalibrationConfig, plane: BeltPlane, points
             if np.isfinite(side):
                 cv2.circle(canvas, _pixel(middle[0]), max(round(side / 2), 1), _INK, 2, cv2.LINE_AA)
                 write_words(canvas, f"{config.limit_mm:g} mm: {side:.0f} px", _pixel(middle[0]), _INK)
-
-
-def pixels_of(config: CalibrationConfig, width: int, height: int) -> tuple[Array, Array]:
-    """In px: points of the calibration (n, 2), of a width far left, far right, near right, near left; lip (2, 2)."""
-    size = np.array([width, height], float)
-    known = config.width
-    corners: Iterable[tuple[float, float]] = (
-        config.points if known is None else (*known.far, *reversed(known.near))
-    )
-    return np.array(list(corners)) * size, np.array(config.lip) * size
-
-
-def _to_lip_m(plane: BeltPlane, points: Array) -> Array:
-    away = np.einsum("nc,c->n", plane.lip[0][0] - on_belt(plane, points), plane.lip[1][0]) / 1000
-    return np.where(np.isfinite(away), away, np.inf)
 
 
 def _line(canvas: Image, ends: Array) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isfinite
 
+from lumpwatch.service.belt import camera_pace, make_pace, ride_s
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import (
     Alarm,
@@ -23,6 +24,7 @@ from lumpwatch.service.core import (
     Decision,
     FeedStatus,
     Frame,
+    Pace,
     PlantFeed,
     RoiResult,
     Trouble,
@@ -37,7 +39,6 @@ from lumpwatch.service.detection.plant_signal import PlantSignal
 from lumpwatch.service.detection.region_alarms import RegionAlarms
 from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
 from lumpwatch.service.detection.sight import Sight
-from lumpwatch.service.detection.sizing import ride_s
 from lumpwatch.service.detection.snapshot import Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior, Reference
@@ -63,6 +64,10 @@ class _Region:
     """When the filter has failed lately."""
     told: set[str] = field(default_factory=set)
     """Failures of the filter whose traceback is in the log."""
+    pace: Pace = field(default_factory=Pace)
+    """Which frames it is decided on."""
+    due: bool = True
+    """Whether the present one is among them."""
 
 
 class CameraPipeline:
@@ -113,6 +118,7 @@ class CameraPipeline:
         for (roi_id, alarm_class), alarm in (alarms or {}).items():
             if roi_id in self._regions:
                 self._regions[roi_id].alarms.restore({alarm_class: alarm})
+        self._pace = Pace()
         self._frame: Frame | None = None
         self._last_s: float | None = None
         self._taken_s: float | None = None
@@ -135,10 +141,11 @@ class CameraPipeline:
             raise RegionMisfitError(f"camera {self._config.id}, {reasons}")
 
     def process(self, frame: Frame, now_s: float) -> tuple[RoiResult, ...]:
-        """Filter and decide every ROI on one frame; () for a frame that is not newer than the last.
+        """Filter and decide every ROI that is due on one frame; () for a frame that is not newer than the last.
 
         So for one whose times cannot be: it would make all that follow it look late. A ROI that does not fit the
-        picture, or whose filter fails, is BLIND and leaves the others alone.
+        picture, or whose filter fails, is BLIND and leaves the others alone. Where a ROI is not due (`decide_hz`),
+        what was decided last stands, as it does between frames.
         """
         if not _possible(frame, now_s):
             self._observer.dropped("future")
@@ -151,6 +158,8 @@ class CameraPipeline:
             self._size = (frame.width, frame.height)
             self._fit()
         self._frame, self._last_s, self._taken_s = frame, frame.capture_s, now_s
+        if not self._take_due(frame.capture_s):
+            return self.poll(now_s)
         try:
             self._look(frame, now_s)
         except Exception as error:  # no region is judged by what failed, and none is CLEAR
@@ -158,6 +167,15 @@ class CameraPipeline:
                 self._fail(region, error)
             return self.poll(now_s)
         return tuple(self._process_region(region, frame, now_s) for region in self._regions.values())
+
+    def _take_due(self, time_s: float) -> bool:
+        """Whether any ROI is to be decided on the frame captured then; counts those that are not."""
+        any_due = self._pace.take(time_s)
+        for roi_id, region in self._regions.items():
+            region.due = any_due and region.pace.take(time_s)
+            if not region.due:
+                self._observer.paced(roi_id)
+        return any_due
 
     def _look(self, frame: Frame, now_s: float) -> None:
         """Judge the picture; a reference that cannot be judged by gives way to the stated defaults."""
@@ -200,7 +218,12 @@ class CameraPipeline:
     def snapshots(self) -> dict[str, Snapshot]:
         """Of every ROI, before the next frame."""
         return {
-            roi_id: replace(region.channel.snapshot(), alarms=region.alarms.now(), sight=region.sight.state())
+            roi_id: replace(
+                region.channel.snapshot(),
+                alarms=region.alarms.now(),
+                sight=region.sight.state(),
+                pace=region.pace.state(),
+            )
             for roi_id, region in self._regions.items()
         }
 
@@ -213,6 +236,10 @@ class CameraPipeline:
         region.alarms.restore(snapshot.alarms)
         region.channel.restore(snapshot)
         region.sight.restore(snapshot.sight)
+        if snapshot.size is not None:
+            self._fit_pace(*snapshot.size)
+        for pace in (region.pace, self._pace):
+            pace.restore(snapshot.pace)
         self._last_s, self._size = snapshot.last_capture_s, snapshot.size
 
     def prior(self, roi_id: str) -> Prior | None:
@@ -248,6 +275,7 @@ class CameraPipeline:
     def _fit(self) -> None:
         """Fit every region to pictures of the present size, each for itself."""
         assert self._size is not None
+        self._fit_pace(*self._size)
         for region in self._regions.values():
             self._fit_region(region, *self._size)
         # One that is refused for pictures of one size may fit the next.
@@ -276,6 +304,14 @@ class CameraPipeline:
         else:
             region.unfit = None
 
+    def _fit_pace(self, width: int, height: int) -> None:
+        """How often to decide, in pictures of that size."""
+        self._pace = _going_on(camera_pace(self._config, width, height), self._pace)
+        self.quality.decide_hz = self._pace.rate_hz
+        for region in self._regions.values():
+            wanted = make_pace(region.channel.config, self._config.sight, width, height)
+            region.pace = _going_on(wanted, region.pace)
+
     def _fit_quality(self, reference: Reference | None, width: int, height: int) -> bool:
         """Judge pictures of that size by the reference from now on; False, and nothing said of what was before,
         where it does not fit.
@@ -296,7 +332,7 @@ class CameraPipeline:
         return True
 
     def _process_region(self, region: _Region, frame: Frame, now_s: float) -> RoiResult:
-        if region.unfit is not None:
+        if region.unfit is not None or not region.due:
             return self._result(region, (), now_s)
         may_learn = self._unseen(now_s) is None
         try:
@@ -450,6 +486,12 @@ def _possible(frame: Frame, now_s: float) -> bool:
     """Whether it was captured before it was received, and received before `now_s`."""
     times = (frame.capture_s, frame.received_s)
     return all(isfinite(time_s) for time_s in times) and max(times) <= now_s + _FUTURE_S
+
+
+def _going_on(pace: Pace, before: Pace) -> Pace:
+    """A pace that goes on from another one."""
+    pace.restore(before.state())
+    return pace
 
 
 def _ride_s(config: RoiConfig, width: int, height: int) -> float | None:

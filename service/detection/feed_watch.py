@@ -14,9 +14,9 @@ import numpy as np
 from lumpwatch.models.feed import CoverMeter, FeedMotion, TileFlow
 from lumpwatch.models.plane import ground_of, towards_lip
 from lumpwatch.models.roi import Image, Roi
+from lumpwatch.service.belt import make_plane
 from lumpwatch.service.config import CalibrationConfig, FeedConfig
 from lumpwatch.service.core import FeedState, FeedStatus
-from lumpwatch.service.detection.sizing import make_plane
 
 _USUAL_SHARE, _SLOWEST_MM_S = 0.1, 30.0
 _RESUMES = 1.5

@@ -18,6 +18,9 @@ class PipelineObserver(ChannelListener, Protocol):
     def dropped(self, reason: str) -> None:
         """A frame was not processed."""
 
+    def paced(self, roi: str) -> None:
+        """A frame was not decided on by rule: the region was not due."""
+
     def prior_refused(self, roi: str, reason: str) -> None:
         """A prior cannot be used."""
 
@@ -29,6 +32,9 @@ class Unobserved:
         """Nothing."""
 
     def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """Nothing."""
+
+    def paced(self, roi: str) -> None:
         """Nothing."""
 
     def prior_refused(self, roi: str, reason: str) -> None:

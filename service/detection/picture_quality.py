@@ -45,6 +45,8 @@ class CameraQuality:
         self._late = False
         self.shift = CameraShift(camera, config)
         """How far the camera has moved."""
+        self.decide_hz: float | None = None
+        """Frames a second that are judged by rule; None: all."""
 
     def fit(self, rois: Mapping[str, Roi], width: int, height: int, reference: Reference | None) -> None:
         """Measure pictures of this size with these regions, against another reference or none.
@@ -69,7 +71,10 @@ class CameraQuality:
             return
         overload = self._config.overload
         self._pace.add(frame.seq, frame.capture_s, now_s - frame.received_s, overload.entry_s)
-        self._late = self._pace.age_s > overload.longest_age_s or self._pace.share < overload.least_share
+        self._late = (
+            self._pace.age_s > overload.longest_age_s
+            or self._pace.share(self.decide_hz) < overload.least_share
+        )
         light = next((region.light for region in self._regions.values() if region.measured), 0)
         self.shift.observe(frame, light)
 
@@ -282,7 +287,7 @@ _REASONS = {
 
 
 class _Pace:
-    """Which share of the camera's frames is judged, and how old they are."""
+    """Which share of the frames that should be is judged, and how old they are."""
 
     def __init__(self) -> None:
         self._frames: deque[tuple[float, int, float]] = deque()
@@ -295,10 +300,11 @@ class _Pace:
         while self._frames[0][0] < time_s - window_s:
             self._frames.popleft()
 
-    @property
-    def share(self) -> float:
-        """Of all frames between the oldest and the newest in the window."""
-        between = self._frames[-1][1] - self._frames[0][1]
+    def share(self, rate_hz: float | None) -> float:
+        """Of the frames between the oldest and the newest in the window that are due at so many a second."""
+        between: float = self._frames[-1][1] - self._frames[0][1]
+        if rate_hz is not None:
+            between = min(between, rate_hz * (self._frames[-1][0] - self._frames[0][0]))
         return (len(self._frames) - 1) / between if between else 1.0
 
     @property

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.plane import BeltPlane, side_of
 from lumpwatch.models.roi import Image, Roi, make_roi
+from lumpwatch.service.belt import make_plane
 from lumpwatch.service.config import CalibrationConfig, RoiConfig
-from lumpwatch.service.detection.sizing import SHAPE_FACTOR, make_plane
+from lumpwatch.service.detection.sizing import SHAPE_FACTOR
 
 
 def make_region(config: RoiConfig, width: int, height: int) -> Roi:

@@ -8,17 +8,15 @@ takes away is that a lump is no sphere (`SHAPE_SPREAD`), and what time does is t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import erf, exp, hypot, log, pi, sqrt, tan
+from math import erf, exp, hypot, log, sqrt
 
 import numpy as np
 
-from lumpwatch.models.lens import Lens
-from lumpwatch.models.plane import BeltPlane, Measure, OnBelt, fit_plane, measure, rectangle_of_width
+from lumpwatch.models.plane import Measure, OnBelt, measure
+from lumpwatch.service.belt import make_plane
 from lumpwatch.service.config import CalibrationConfig
 from lumpwatch.service.core import DetectedObject, Detection, LipReason, LumpSize
-from lumpwatch.service.detection.belt_view import check_geometry, pixels_of
 from lumpwatch.service.errors import ConfigError
 
 SHAPE_FACTOR = 1.23
@@ -175,38 +173,6 @@ class Sizer:
             equivalent_mm=exp(track.equivalent / track.frames),
             over_limit=over,
         )
-
-
-def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
-    """The belt's plane in pictures of that size. Raises ValueError, also for a belt that cannot be."""
-    points, lip = pixels_of(config, width, height)
-    lens = None if config.lens is None else Lens(config.lens.k1, config.lens.k2, (width, height))
-    if config.width is None:
-        places = np.array(config.points_mm)
-    else:
-        focal = width / 2 / tan(config.width.view_deg * pi / 360)
-        straight = points if lens is None else lens.ideal(points)
-        places = rectangle_of_width(straight, config.width.width_mm, focal, (width, height))
-    plane = fit_plane(points, places, config.error_px, (width, height), lip, lens)
-    check_geometry(config, plane, points, lip)
-    return plane
-
-
-def ride_s(
-    config: CalibrationConfig, width: int, height: int, corners: Iterable[tuple[float, float]]
-) -> float | None:
-    """How long a lump takes from the farthest of these corners (relative to the picture) to the lip; None: not known.
-
-    Raises ValueError.
-    """
-    if config.speed_m_s is None:
-        return None
-    plane, still, side = make_plane(config, width, height), np.zeros(2), width / 100
-    places = (
-        measure(plane, np.array([x * width, y * height, side, side]), still, np.ones(6)) for x, y in corners
-    )
-    farthest_m = max((found.distance_m.value for found in places if found is not None), default=0.0)
-    return farthest_m / config.speed_m_s if farthest_m > 0.0 else None
 
 
 def _oversize(existence: float, objects: tuple[DetectedObject, ...], certain: float) -> float:

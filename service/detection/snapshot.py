@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.core import Alarm, AlarmClass, PaceState
 from lumpwatch.service.detection.detectors.base import FilterState
 from lumpwatch.service.detection.sight import SightState
 from lumpwatch.service.detection.sizing import SizeTrack
@@ -27,6 +27,8 @@ class Snapshot:
     prior: Prior | None
     sight: SightState = field(default_factory=SightState)
     """Which frames were judged."""
+    pace: PaceState = field(default_factory=PaceState)
+    """Which frame was decided on."""
 
     @property
     def exact(self) -> bool:

@@ -10,9 +10,9 @@ from lumpwatch.models.likelihood.maps import LEFT, LOWER, PROBABILITY, RIGHT, UP
 from lumpwatch.models.likelihood.net import STRIDE
 from lumpwatch.models.plane import equivalent_mm, ground_of
 from lumpwatch.models.roi import Roi
+from lumpwatch.service.belt import make_plane
 from lumpwatch.service.config import CalibrationConfig, FeedConfig
 from lumpwatch.service.core import VisibleSizes
-from lumpwatch.service.detection.sizing import make_plane
 
 _EVERY_S = 1.0
 _BODY = 0.5

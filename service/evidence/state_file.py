@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.core import Alarm, AlarmClass, PaceState
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior, alarm_of, load_arrays
 
@@ -34,6 +34,7 @@ def encode_state(snapshot: Snapshot) -> bytes:
         "filter": None if snapshot.filter is None else snapshot.filter.plain,
         "looks": {str(i): asdict(track) for i, track in snapshot.sizes.items()},
         "sight": asdict(snapshot.sight),
+        "pace": asdict(snapshot.pace),
         "alarms": {alarm_class.value: _alarm(alarm) for alarm_class, alarm in snapshot.alarms.items()},
     }
     arrays = {} if snapshot.filter is None else snapshot.filter.arrays
@@ -71,6 +72,7 @@ def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None
         },
         prior,
         _sight(plain.get("sight", {})),
+        _pace(plain.get("pace", {})),
     )
 
 
@@ -79,6 +81,11 @@ def _sight(plain: dict[str, Any]) -> SightState:
     from lumpwatch.service.detection import SightState
 
     return SightState(**plain | {"judged_s": tuple(plain.get("judged_s", ()))})
+
+
+def _pace(plain: dict[str, Any]) -> PaceState:
+    """States of before frames were passed over have none: the next one is decided on."""
+    return PaceState(plain.get("last_s"), tuple(plain.get("seen_s", ())))
 
 
 def _alarm(alarm: Alarm) -> dict[str, Any]:

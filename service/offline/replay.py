@@ -30,6 +30,8 @@ class RoiSummary:
     """What one ROI did over the file."""
 
     frames: int = 0
+    paced: int = 0
+    """Frames that were not decided on by rule: what was decided before stood."""
     states: Counter[str] = field(default_factory=Counter)
     feed: Counter[str] = field(default_factory=Counter)
     blind: Counter[str] = field(default_factory=Counter)
@@ -56,6 +58,7 @@ class Summary:
         rois = {
             roi: {
                 "frames": counts.frames,
+                "paced": counts.paced,
                 "states": dict(sorted(counts.states.items())),
                 "feed": dict(sorted(counts.feed.items())),
                 "blind": dict(sorted(counts.blind.items())),
@@ -80,8 +83,11 @@ class Summary:
 class _Drops(Unobserved):
     """Counts what the pipeline did not process."""
 
-    def __init__(self, into: Counter[str]) -> None:
-        self._into = into
+    def __init__(self, into: Counter[str], rois: dict[str, RoiSummary]) -> None:
+        self._into, self._rois = into, rois
+
+    def paced(self, roi: str) -> None:
+        self._rois[roi].paced += 1
 
     def dropped(self, reason: str) -> None:
         self._into[reason] += 1
@@ -118,7 +124,7 @@ def run_replay(
     if dropped is not None:
         summary.dropped = dropped
     pipeline = CameraPipeline(
-        camera, priors, observer=_Drops(summary.dropped), reference=reference, quality=quality
+        camera, priors, observer=_Drops(summary.dropped, summary.rois), reference=reference, quality=quality
     )
     prepare(pipeline)
     watching = tuple(listeners)

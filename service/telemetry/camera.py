@@ -44,6 +44,7 @@ class CameraMetrics(FrameMetrics):
         )
         # A series that exists from the start lets `rate` see the first event.
         self._received.labels(camera)
+        self._paced.labels(camera, "")
         self._attempts.labels(camera)
         self._connected.labels(camera).set(0)
 

@@ -23,6 +23,13 @@ class FrameMetrics:
             ("camera", "reason"),
             registry=registry,
         )
+        self._paced = Counter(
+            "lumpwatch_frames_paced",
+            "Frames that were not decided on by rule (decide_hz), which are not lost; roi is empty for frames that no "
+            "region was due on.",
+            ("camera", "roi"),
+            registry=registry,
+        )
         self._stage = Histogram(
             "lumpwatch_stage_duration_seconds",
             "Time that a stage of the work on one frame takes; roi is empty for stages of the whole frame.",
@@ -34,6 +41,10 @@ class FrameMetrics:
     def dropped(self, reason: str, count: int = 1) -> None:
         """Frames were not processed."""
         self._dropped.labels(self._camera, reason).inc(count)
+
+    def paced(self, roi: str = "") -> None:
+        """A frame was passed over by rule."""
+        self._paced.labels(self._camera, roi).inc()
 
     def stage(self, stage: str, roi: str, seconds: float) -> None:
         """A stage took this long."""

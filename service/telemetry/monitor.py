@@ -117,6 +117,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
         for roi in rois:
             self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
+            self._paced.labels(camera, roi)
             self._blind.labels(camera, roi).set(1)
             for command in COMMANDS:
                 self._refused.labels(camera, roi, command)

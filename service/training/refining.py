@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from statistics import median
 
@@ -56,24 +56,31 @@ def refine(
 def joined_footage(clips: Sequence[ConfirmedClip]) -> tuple[Iterator[Frame], tuple[Box, ...]]:
     """All clips as one recording with its labels; raises LumpwatchError where they do not go together."""
     summaries = [_summary_of(clip) for clip in clips]
-    for clip, summary in zip(clips[1:], summaries[1:], strict=True):
+    slowest_s = max(summary.interval_s for summary in summaries)
+    # A recording, or a clip of before `decide_hz`, holds more frames a second than a clip of what was decided.
+    strides = [round(slowest_s / summary.interval_s) for summary in summaries]
+    for clip, summary, stride in zip(clips, summaries, strides, strict=True):
         if summary.size != summaries[0].size:
             raise TrainingError(
                 f"{clip.name}: has pictures of {summary.size[0]}x{summary.size[1]}, "
                 f"{clips[0].name} of {summaries[0].size[0]}x{summaries[0].size[1]}"
             )
-        if abs(summary.interval_s / summaries[0].interval_s - 1.0) > _RATE_TOLERANCE:
+        if abs(stride * summary.interval_s / slowest_s - 1.0) > _RATE_TOLERANCE:
             raise TrainingError(
-                f"{clip.name}: has {1 / summary.interval_s:.1f} frames a second, "
-                f"{clips[0].name} {1 / summaries[0].interval_s:.1f}"
+                f"{clip.name}: has {1 / summary.interval_s:.1f} frames a second, another clip {1 / slowest_s:.1f}, "
+                "which is no whole share of that"
             )
     boxes: list[Box] = []
     first, tracks = 0, 0
-    for clip, summary in zip(clips, summaries, strict=True):
+    for clip, summary, stride in zip(clips, summaries, strides, strict=True):
         numbers = {track: tracks + k for k, track in enumerate(sorted({box.track for box in clip.boxes}), 1)}
-        boxes += [replace(box, frame=box.frame + first, track=numbers[box.track]) for box in clip.boxes]
-        first, tracks = first + summary.count, tracks + len(numbers)
-    return _joined(clips), tuple(boxes)
+        boxes += [
+            replace(box, frame=(box.frame - 1) // stride + 1 + first, track=numbers[box.track])
+            for box in clip.boxes
+            if (box.frame - 1) % stride == 0
+        ]
+        first, tracks = first + -(-summary.count // stride), tracks + len(numbers)
+    return _joined(clips, strides), tuple(boxes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +109,11 @@ def _summary_of(clip: ConfirmedClip) -> _ClipSummary:
     return _ClipSummary(len(times), interval_s, size)
 
 
-def _joined(clips: Sequence[ConfirmedClip]) -> Iterator[Frame]:
+def _joined(clips: Sequence[ConfirmedClip], strides: Sequence[int]) -> Iterator[Frame]:
     seq, end_s = 0, 0.0
-    for clip in clips:
+    for clip, stride in zip(clips, strides, strict=True):
         offset_s: float | None = None
-        for frame in clip.frames():
+        for frame in islice(clip.frames(), None, None, stride):
             if offset_s is None:
                 offset_s = end_s - frame.capture_s
             end_s = frame.capture_s + offset_s

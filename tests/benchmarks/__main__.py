@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-from tests.benchmarks import background, peers, pipeline, report, scaling  # noqa: E402 - threads are set first
+from tests.benchmarks import background, cost, peers, pipeline, report, scaling  # noqa: E402 - threads are set first
 
 
 def main() -> None:
@@ -38,4 +39,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    cost.main() if sys.argv[1:] == ["cost"] else main()

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from lumpwatch.models.plane import on_belt, to_picture
+from lumpwatch.service.belt.geometry import make_plane, pixels_of
 from lumpwatch.service.config import CalibrationConfig
-from lumpwatch.service.detection.belt_view import draw_belt, pixels_of, seen_belt
-from lumpwatch.service.detection.sizing import make_plane
+from lumpwatch.service.detection.belt_view import draw_belt, seen_belt
 
 SIZE = (640, 480)
 WIDTH: dict[str, Any] = {

@@ -52,6 +52,9 @@ class Counting:
         assert seconds >= 0
         self.stages[stage, roi] += 1
 
+    def paced(self, roi: str) -> None:
+        """Not looked at."""
+
     def prior_refused(self, roi: str, reason: str) -> None:
         self.refused[roi, reason] += 1
 

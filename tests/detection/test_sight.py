@@ -27,7 +27,8 @@ from tests.belt_scene import FPS, REFERENCE, belt
 from tests.service_helpers import HEIGHT, WIDTH, camera, frame, prior
 
 RULES = SightConfig()
-CONFIG = camera().model_copy(update={"sight": RULES, "blind_after_s": 3.0})
+_EVERY_FRAME = tuple(roi.model_copy(update={"decide_hz": "all"}) for roi in camera().rois)
+CONFIG = camera().model_copy(update={"sight": RULES, "blind_after_s": 3.0, "rois": _EVERY_FRAME})
 
 
 class Ailing:
@@ -75,6 +76,9 @@ class Belt:
         self.drops.append(reason)
 
     def stage(self, stage: str, roi: str, seconds: float) -> None:
+        """Not looked at."""
+
+    def paced(self, roi: str) -> None:
         """Not looked at."""
 
     def prior_refused(self, roi: str, reason: str) -> None:

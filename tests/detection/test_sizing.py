@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lumpwatch.models.plane import Measure, OnBelt
+from lumpwatch.service.belt.geometry import make_plane
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.config.calibration import CalibrationConfig
 from lumpwatch.service.core.detection import DetectedObject, Detection, LipReason, LumpSize
@@ -19,7 +20,6 @@ from lumpwatch.service.detection.sizing import (
     SHAPE_FACTOR,
     SHAPE_SPREAD,
     Sizer,
-    make_plane,
 )
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.simulator.geometry import Geometry

@@ -13,9 +13,9 @@ from lumpwatch.models.likelihood.maps import LEFT, LOWER, PROBABILITY, RIGHT, UP
 from lumpwatch.models.likelihood.net import STRIDE
 from lumpwatch.models.plane import equivalent_mm, side_of
 from lumpwatch.models.roi import Roi, make_roi
+from lumpwatch.service.belt.geometry import make_plane
 from lumpwatch.service.config import FeedConfig, JdtConfig
 from lumpwatch.service.detection import JdtDetector
-from lumpwatch.service.detection.sizing import make_plane
 from lumpwatch.service.detection.visible_sizes import SizeWatch
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
 from tests.detection.test_feed_watch import calibration

@@ -99,6 +99,7 @@ def test_the_summary_counts_what_the_files_hold(out: Path) -> None:
         "rois": {
             "apron": {
                 "frames": FRAMES,
+                "paced": 0,
                 "states": {name: sum(one["state"] == name for one in states) for name in ("CLEAR", "LUMP")},
                 "blind": {},
                 "alarms": {"cleared": 1, "raised": 1},

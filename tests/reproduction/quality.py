@@ -228,6 +228,9 @@ def costs() -> dict[str, float]:
 
     class Watch:
         def dropped(self, reason: str) -> None: ...
+        def paced(self, roi: str) -> None:
+            """Not looked at."""
+
         def prior_refused(self, roi: str, reason: str) -> None: ...
         def stage(self, stage: str, roi: str, seconds: float) -> None:
             if stage == "filter":

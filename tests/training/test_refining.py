@@ -66,11 +66,23 @@ def test_clips_are_joined_into_one_recording() -> None:
     assert boxes == (box(1, 1), box(2, 1), box(3, 2), box(7, 4, "belt"), box(9, 3))
 
 
+def test_a_clip_of_more_frames_a_second_is_thinned() -> None:
+    """As one of before a region was decided on every second frame."""
+    fast = clip("a", 7, box(2, 3), box(3, 3), box(5, 3), interval_s=0.04)
+    slow = clip("b", 3, box(2, 1), interval_s=0.08, start_s=9.0)
+    frames, boxes = joined_footage([fast, slow])
+    pause_s = 0.24 + PAUSE_S
+    expected = [0.0, 0.08, 0.16, 0.24, pause_s, pause_s + 0.08, pause_s + 0.16]
+    assert [one.capture_s for one in frames] == pytest.approx(expected)
+    # Frames 1, 3, 5 and 7 of the first are left; its frame 2 is not.
+    assert boxes == (box(2, 1), box(3, 1), box(6, 2))
+
+
 @pytest.mark.parametrize(
     ("other", "told"),
     [
         (clip("b", 5, size=(48, 32)), "b: .*48x32, a .*96x64"),
-        (clip("b", 5, interval_s=0.2), r"b: .*5\.0 .*a 10\.0"),
+        (clip("b", 5, interval_s=0.14), r"a: .*10\.0 .*another clip 7\.1"),
         (clip("b", 1), "b: has fewer than two frames"),
         (clip("b", 5, interval_s=0.0), "b: .*time stamps"),
         (clip("b", 5, box(6, 1)), r"b: .*frame 6\b.*5"),

@@ -137,7 +137,13 @@ def make_likelihood(
             f"the prior's histogram is of {fit.channel}, the configuration asks for {wanted.channel}"
         )
     return HistogramLikelihood(
-        fit.reference, fit.offset, fit.slope, wanted.evidence or fit.evidence, wanted.bound, fit.channel
+        fit.reference,
+        fit.offset,
+        fit.slope,
+        wanted.evidence or fit.evidence,
+        wanted.bound,
+        fit.channel,
+        interval_s=None if wanted.evidence or learned is None else learned.interval_s,
     )
 
 

@@ -209,11 +209,12 @@ class JdtDetector:
 
     def step(self, gray: Image, colour: Image | None, dt: float) -> Detection:
         """One working picture (h, w), `dt` seconds after the last."""
+        since_s = dt  # what a picture after an outage says is all new
         if dt > LONGEST_STEP_S:
             self._engine.search_anew(dt)
             dt = DEFAULT_INTERVAL_S
         view = self.roi.view(gray, colour)
-        observation = self._likelihood.observe(view, dt)
+        observation = self._likelihood.observe(view, since_s)
         self.bodies = observation.votes if isinstance(observation, LumpObservation) else None
         found, summary = self._engine.step(observation, lambda: self._appearance.observe(view), dt)
         objects = tuple(self._describe(estimate) for estimate in found if estimate.existence > SHOWN_ABOVE)

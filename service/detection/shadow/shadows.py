@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from typing import Protocol
 
+from lumpwatch.service.belt import camera_pace
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection.detectors.make import make_detector
@@ -115,6 +116,8 @@ class Shadows:
         self._budget = Budget()
         self._shadows: dict[str, _Shadow] = {}
         self._last: Frame | None = None
+        self._due: tuple[tuple[int, int], float] | None = None
+        """Size of the pictures, and `_due_every_s` for it."""
 
     def use(
         self, roi_id: str, prior: Prior | None, current: int = 0, kept: ShadowState | None = None
@@ -180,8 +183,19 @@ class Shadows:
         last, self._last = self._last, frame
         if last is None or frame.seq <= last.seq:
             return
-        # Where frames were skipped, the interval is still that of the camera: nothing is left of it.
-        self._budget.earn((frame.capture_s - last.capture_s) / (frame.seq - last.seq), spent_s)
+        since_s = frame.capture_s - last.capture_s
+        # Where frames were skipped, the interval is still that of the camera, or of the frames that are due: nothing is
+        # left of it.
+        camera_s = since_s / (frame.seq - last.seq)
+        self._budget.earn(min(since_s, max(camera_s, self._due_every_s(frame))), spent_s)
+
+    def _due_every_s(self, frame: Frame) -> float:
+        """The interval of the ROI that is decided on most often; 0: every frame is."""
+        size = frame.width, frame.height
+        if self._due is None or self._due[0] != size:
+            rate_hz = camera_pace(self._config, *size).rate_hz
+            self._due = size, 0.0 if rate_hz is None else 1.0 / rate_hz
+        return self._due[1]
 
     def _follow(self, shadow: _Shadow, result: RoiResult) -> None:
         assert result.frame is not None

@@ -15,6 +15,7 @@ from datetime import datetime
 import numpy as np
 
 from lumpwatch.models.plane import side_of
+from lumpwatch.service.belt import make_plane
 from lumpwatch.service.bus import Bus, BusClosed, Keys
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import (
@@ -28,7 +29,7 @@ from lumpwatch.service.core import (
     StreamClock,
     utc,
 )
-from lumpwatch.service.detection import CameraPipeline, make_plane, make_profile, make_region
+from lumpwatch.service.detection import CameraPipeline, make_profile, make_region
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.monitor.inbox import on_this_clock
 from lumpwatch.service.monitor.proof.path import Way, greys_of, make_way, reached_lip
