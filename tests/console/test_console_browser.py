@@ -59,9 +59,12 @@ def status(page: Page, expected: str, within_s: float = 5.0) -> None:
 def test_an_operator_sees_a_lump_hears_it_and_acknowledges_by_keyboard(page: Page, plant: Plant) -> None:
     plant.deeds.clear()
     page.click("#sound")
+    page.keyboard.press("?")
+    page.wait_for_selector("#keys[open]")
     plant.state = "LUMP"
     plant.raise_alarm()
     status(page, "LUMP")
+    page.wait_for_selector("#keys", state="hidden")  # or its keys would not reach the alarm
     assert "812 mm" in page.inner_text(".tile .detail")
     assert "3.1 s" in page.inner_text(".tile .detail")
     page.wait_for_selector("#sound[data-sounding=lump]")
@@ -78,6 +81,12 @@ def test_a_server_that_hangs_makes_the_page_silent_and_it_catches_up(page: Page,
     try:
         status(page, "SILENT", VALID_S + 1.0)
         assert "no news for" in page.inner_text(".tile .detail")
+        page.wait_for_selector("#link.gone")
+        before = page.url
+        page.keyboard.press("l")  # a browser's own error page would be silent, and stay
+        page.wait_for_selector("#toast:text('this page stays')")
+        page.click("nav a:text('Health')")
+        assert page.url == before
     finally:
         console.resume()
     status(page, "CLEAR", 10.0)

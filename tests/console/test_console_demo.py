@@ -27,7 +27,7 @@ def test_the_lump_comes_is_acknowledged_looked_at_and_another_region_is_drawn(
     with said.open("wb") as out:
         demo = subprocess.Popen([*LUMPWATCH, "demo"], stdout=out, stderr=out)
     try:
-        eventually(lambda: re.search(r"console  (http\S+)", said.read_text()), 30.0)
+        eventually(lambda: re.search(r"console  (http\S+)", said.read_text()), 90.0)
         url = re.findall(r"console  (http\S+)", said.read_text())[0]
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.goto(url, wait_until="commit")

@@ -14,7 +14,7 @@ let version = -1;
 let asking = false;
 
 const id = (alarm) => `${alarm.camera}/${alarm.roi}/${alarm.class}`;
-const RANK = ["UNACKNOWLEDGED", "RETURNED", "LATCHED", "ACKNOWLEDGED", "NORMAL"];
+const RANK = ["UNACKNOWLEDGED", "RETURNED", "LATCHED", "ACKNOWLEDGED", "NORMAL", "UNKNOWN"];
 
 function all() {
   return feed.regions().flatMap((region) => region.alarms.map((alarm) => ({
@@ -39,7 +39,7 @@ function row(alarm, cells) {
   const shape = make("span", { class: "mark" });
   mark(shape, alarm.silent ? "SILENT" : alarm.state === "NORMAL" ? "CLEAR" : { lump: "LUMP", blind: "BLIND", system: "SYSTEM", blocked: "BLOCKED" }[alarm.class]);
   const found = alarm.raised?.evidence ? make("button", { type: "button", onclick: (event) => { event.stopPropagation(); evidence(alarm); } }, "Evidence") : null;
-  return make("tr", { class: alarm.class, "data-id": id(alarm), "aria-selected": String(chosen === id(alarm)), onclick: () => choose(id(alarm)) },
+  return make("tr", { class: alarm.class, "data-id": id(alarm), "data-state": alarm.state, "aria-selected": String(chosen === id(alarm)), onclick: () => choose(id(alarm)) },
     make("td", { class: "state" }, shape, ` ${alarm.silent && alarm.state === "NORMAL" ? "not known" : plain(alarm.state)}${alarm.silent ? " (SILENT)" : ""}`),
     make("td", {}, `${place(alarm)} ${alarm.class}`), ...cells.map((text) => make("td", { class: "free" }, text)),
     make("td", {}, make("div", { class: "actions" }, ...buttons(alarm), found)));
@@ -52,7 +52,7 @@ function deed(last) {
 function show() {
   const given = new FormData(filters);
   const found = all().filter((one) => (!given.get("camera") || one.camera === given.get("camera")) && (!given.get("class") || one.class === given.get("class")));
-  const open = found.filter((one) => !HELD.includes(one.state) && (given.get("show") === "all" || one.state !== "NORMAL"));
+  const open = found.filter((one) => !HELD.includes(one.state) && (given.get("show") === "all" || !["NORMAL", "UNKNOWN"].includes(one.state)));
   const unknown = [...new Set(found.filter((one) => one.silent).map(place))];
   open.sort((a, b) => RANK.indexOf(a.state) - RANK.indexOf(b.state) || CLASSES.indexOf(a.class) - CLASSES.indexOf(b.class) || String(b.raised?.time).localeCompare(String(a.raised?.time)));
   // What is held is shown whatever the filters say: it must not be forgotten.

@@ -16,6 +16,21 @@ const name = (alarm) => `${place(alarm)} ${alarm.class} ${alarm.raised?.id ?? ""
 
 export const region = (alarm) => `/api/v1/cameras/${encodeURIComponent(alarm.camera)}/rois/${encodeURIComponent(alarm.roi)}`;
 
+// Without a connection another page cannot come: the browser's own error would stand there, silent, and stay.
+function stays() {
+  if (feed.linked() || feed.ended) return false;
+  toast("No connection: this page stays, and catches up by itself.", true);
+  return true;
+}
+
+export function go(address) {
+  if (!stays()) location.href = address;
+}
+
+document.addEventListener("click", (event) => {
+  if (event.target.closest("a[href]:not([href^='#'])") && stays()) event.preventDefault();
+}, true);
+
 export async function command(alarm, name, given = {}) {
   try {
     const done = await call(`${region(alarm)}/commands/${name}`, "POST", { class: alarm.class, ...given });
@@ -66,7 +81,7 @@ export async function out(alarm) {
 
 export function evidence(alarm) {
   const id = alarm.raised?.evidence;
-  if (id) location.href = `/evidence/${encodeURIComponent(alarm.camera)}/${encodeURIComponent(alarm.roi)}/${id}`;
+  if (id) go(`/evidence/${encodeURIComponent(alarm.camera)}/${encodeURIComponent(alarm.roi)}/${id}`);
   else toast("There is no evidence of this alarm.");
 }
 
@@ -81,6 +96,7 @@ function show() {
   const before = urgent;
   urgent = waits[0] ?? null;
   if (urgent && before && name(urgent) !== name(before)) replacedAt = performance.now();
+  if (urgent && (!before || name(urgent) !== name(before))) byId("keys").close(); // nothing stands before a new alarm
   say(byId("now"), `${clock(Date.now())} ${body.dataset.zone.split("/").at(-1).replaceAll("_", " ")}`);
   const silent = feed.regions().filter((one) => feed.status(one) === "SILENT");
   const link = byId("link");
@@ -92,13 +108,13 @@ function show() {
   sound.wanted(kind);
   strip.hidden = !urgent && !(silent.length && feed.snapshot);
   strip.className = `strip ${urgent ? urgent.class : "silent"}${urgent?.state === "RETURNED" ? " over" : ""}`;
-  const text = urgent ? sentence(urgent) : silent.length ? `SILENT ${place(silent[0])}: ${feed.news(silent[0])}` : "";
+  const text = urgent ? sentence(urgent) : silent.length ? `SILENT ${place(silent[0])}: ${feed.news(silent[0])}${silent.length > 1 ? `, and ${silent.length - 1} more` : ""}` : "";
   say(strip.querySelector(".what"), text);
   mark(strip.querySelector(".mark"), urgent ? CLASS[urgent.class] : "SILENT");
   say(strip.querySelector(".when"), urgent?.raised ? `since ${clock(urgent.raised.time)}` : "");
   // An alarm that waits must not hide that nothing is heard any more.
   const also = urgent && feed.snapshot ? silent.map(place) : [];
-  say(strip.querySelector(".more"), [waits.length > 1 ? `and ${waits.length - 1} more` : "", also.length ? `SILENT: ${also.join(", ")}` : ""].filter(Boolean).join(", "));
+  say(strip.querySelector(".more"), [waits.length > 1 ? `and ${waits.length - 1} more` : "", also.length > 1 ? `${also.length} regions SILENT` : also.length ? `SILENT: ${also[0]}` : ""].filter(Boolean).join(", "));
   strip.querySelector(".more").classList.toggle("silent", also.length > 0);
   const button = strip.querySelector("button");
   button.hidden = !urgent;
@@ -141,8 +157,8 @@ const KEYS = {
   r: () => meant((alarm) => command(alarm, "reset")),
   e: () => { const alarm = selection.current ?? urgent; if (alarm) evidence(alarm); },
   n: () => sound.toggle(),
-  o: () => { location.href = "/"; },
-  l: () => { location.href = "/alarms"; },
+  o: () => go("/"),
+  l: () => go("/alarms"),
   "?": () => byId("keys").showModal(),
 };
 

@@ -23,7 +23,7 @@ function draw(bitmap, about) {
     canvas.width = width;
     canvas.height = height;
   }
-  const scale = Math.max(1, width / 960);
+  const scale = Math.max(0.35, width / 640); // as large on the screen, whatever the camera sends
   context.drawImage(bitmap, 0, 0, width, height);
   for (const [roi, one] of Object.entries(shape)) {
     const state = about.states[roi];
