@@ -50,6 +50,8 @@ class Plant:
         self.keys = Keys(SITE)
         self.state = "CLEAR"
         self.reason: str | None = None
+        self.more: dict[str, Any] = {}
+        """What else the states tell."""
         self.alarms = {"lump": "NORMAL", "blind": "NORMAL", "system": "NORMAL"}
         self.beating = threading.Event()
         self.beating.set()
@@ -137,7 +139,7 @@ class Plant:
                         "frame": frame, "time_s": now, "camera": "cam", "roi": "apron", "state": self.state,
                         "existence": 0.97 if lump else 0.02, "objects": [box] if lump else [], "site": SITE,
                         "alarm": self.alarms["lump"], "alarms": self.alarms, "reason": self.reason,
-                        "timing": {"captured": wall, "decided": wall, "age_s": 0.05},
+                        "timing": {"captured": wall, "decided": wall, "age_s": 0.05}, **self.more,
                     }
                 ).encode()
             )  # fmt: skip

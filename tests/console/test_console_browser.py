@@ -39,8 +39,8 @@ def console(plant: Plant, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 @pytest.fixture
 def page(browser: Browser, console: Console, plant: Plant) -> Iterator[Page]:
-    plant.state, plant.reason = "CLEAR", None
-    plant.alarms.update(lump="NORMAL", blind="NORMAL", system="NORMAL")
+    plant.state, plant.reason, plant.more = "CLEAR", None, {}
+    plant.alarms.update(blocked="NORMAL", lump="NORMAL", blind="NORMAL", system="NORMAL")
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     wrong: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
@@ -74,6 +74,15 @@ def test_an_operator_sees_a_lump_hears_it_and_acknowledges_by_keyboard(page: Pag
     assert plant.deeds[0] == ("ack", {"class": "lump", "actor": "console"})
     page.wait_for_selector("#strip", state="hidden")
     page.wait_for_selector("#sound[data-sounding='']")
+    page.keyboard.press("l")
+    page.wait_for_selector("h1:text-is('Alarms')")
+    page.keyboard.press("ArrowDown")  # a browser may want a key again
+    page.wait_for_selector("#sound[aria-pressed=true]:text-is('Sound on')")
+    page.keyboard.press("n")
+    page.wait_for_selector("#sound[aria-pressed=false]:text-is('Sound off')")
+    page.reload(wait_until="commit")
+    page.keyboard.press("ArrowDown")
+    page.wait_for_selector("#sound[aria-pressed=false]:text-is('Sound off')")
 
 
 def test_a_server_that_hangs_makes_the_page_silent_and_it_catches_up(page: Page, console: Console) -> None:
@@ -154,8 +163,30 @@ def test_of_two_who_acknowledge_the_second_learns_who_was_quicker(page: Page, pl
     page.wait_for_selector("#toast:text('nothing to do: it is ACKNOWLEDGED, acknowledged by otto')")
 
 
-def test_an_untrained_region_says_so(page: Page) -> None:
+def test_a_script_that_fails_is_covered(browser: Browser, console: Console) -> None:
+    page = browser.new_page()
+    page.goto(console.url, wait_until="commit")
+    page.wait_for_selector(".tile[data-status=CLEAR]")
+    passed = "document.getElementById('stopped').getAnimations()[0].currentTime"
+    page.wait_for_function(f"() => {passed} > 500")
+    page.wait_for_function(f"() => {passed} < 500")  # it is put back every second while all is well
+    page.evaluate(
+        "import('/static/common.js').then(({ feed }) => feed.listeners.push(() => { throw Error(); }))"
+    )
+    page.wait_for_function(f"() => {passed} > 2200")  # covers at 6000, by itself
+    page.close()
+
+
+def test_what_else_an_operator_must_know_stands_on_the_tile(page: Page, plant: Plant) -> None:
     assert page.inner_text(".tile .untaught") == "untrained: finds fewer lumps"
+    plant.more = {"trained": True, "feed": {"state": "stopped", "load": 0.4, "agrees": False}}
+    page.wait_for_selector(".tile .detail:text('feed stopped, load 40 %, the plant says otherwise')")
+    assert page.inner_text(".tile .untaught") == ""
+    plant.more = {"blockage": {"standing": 0.9, "stood_s": 12.4, "reason": "standing"}}
+    plant.state = "BLOCKED"
+    plant.raise_alarm("blocked", reason="standing")
+    page.wait_for_selector(".tile[data-status=BLOCKED] .detail:text('material stands in the mouth for 12 s')")
+    page.wait_for_selector("#strip.blocked:has-text('BLOCKED cam / apron, material stands in the mouth')")
 
 
 def test_blind_says_why_and_sounds_otherwise(page: Page, plant: Plant) -> None:

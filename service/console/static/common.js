@@ -1,6 +1,6 @@
 // What every page has: the feed, the strip with the most urgent alarm, sound, keys, and a watch over itself.
 import { body, call, clock, mark, may, place, say, toast } from "./dom.js";
-import { Feed, waiting } from "./feed.js";
+import { Feed, now, waiting } from "./feed.js";
 import { Sound } from "./sound.js";
 import { CLASS, plain, reason } from "./words.js";
 
@@ -125,11 +125,16 @@ function show() {
 feed.listeners.push((one) => { one.quietest = performance.now() / 1000 - one.told; });
 feed.listeners.push(show);
 
-// If this script hangs or dies, what stands on the page is old: then an animation, which needs no script, covers it.
+// If a script hangs, dies or fails, what stands on the page is old: then an animation, which needs no script, covers it.
 const cover = byId("stopped");
 cover.hidden = false;
 const watch = cover.animate([{ opacity: 0 }, { opacity: 0, offset: 0.95 }, { opacity: 1 }], { duration: 6000, fill: "forwards" });
-setInterval(() => { watch.currentTime = 0; }, 1000);
+const alive = () => { if (now() - feed.shown < 1.5) watch.currentTime = 0; };
+setInterval(alive, 1000);
+document.addEventListener("visibilitychange", () => { // hidden pages get little time
+  feed.tick();
+  alive();
+});
 
 // Who answers one alarm must not answer the next by it: another one may take its place while the finger is on its way.
 const SETTLES_MS = 700;

@@ -17,6 +17,7 @@ export class Feed {
     this.listeners = [];
     this.quickest = Infinity;
     this.ended = false;
+    this.shown = this.began;
     this.open();
     setInterval(() => this.tick(), 250);
   }
@@ -59,6 +60,7 @@ export class Feed {
     const at = now();
     if (at - Math.max(this.opened, this.taken ?? 0) > REOPEN_S) this.open();
     for (const listener of this.listeners) listener(this);
+    this.shown = now(); // not reached where one of them fails
   }
 
   // Seconds since the last sign of life of a camera's monitor.

@@ -6,27 +6,65 @@ const PATTERNS = {
   silent: { every: 5, notes: [[247, 0, 0.25], [247, 0.4, 0.25], [247, 0.8, 0.25]] },
 };
 
+// Each page is a new one for the browser: the wish for sound is kept, or going to the list of alarms would silence it.
+const KEPT = "lumpwatch sound";
+
+function kept() {
+  try {
+    return localStorage.getItem(KEPT) === "on";
+  } catch {
+    return false; // a browser that keeps nothing
+  }
+}
+
+function keep(wish) {
+  try {
+    localStorage.setItem(KEPT, wish ? "on" : "off");
+  } catch {
+    // then it holds for this page alone
+  }
+}
+
 export class Sound {
   constructor(button) {
     this.button = button;
     this.context = null;
     this.next = 0;
     this.kind = "";
+    this.wish = kept();
     button.addEventListener("click", () => this.toggle());
+    for (const gesture of ["pointerdown", "keydown"]) {
+      document.addEventListener(gesture, (event) => { if (this.wish && !this.on && !button.contains(event.target)) this.begin(); }, true);
+    }
+    if (this.wish) this.begin();
+    this.tell();
   }
 
   get on() {
     return this.context !== null && this.context.state === "running";
   }
 
-  async toggle() {
-    if (this.on) await this.context.suspend();
-    else {
-      this.context ??= new AudioContext();
-      await this.context.resume();
-      this.next = 0;
+  // A browser may let it wait for a click or key, however long that takes.
+  begin() {
+    if (!this.context) {
+      this.context = new AudioContext();
+      this.context.addEventListener("statechange", () => { this.next = 0; this.tell(); });
     }
-    this.button.textContent = this.on ? "Sound on" : "Sound off";
+    this.context.resume();
+  }
+
+  toggle() {
+    this.wish = !(this.wish && this.on);
+    keep(this.wish);
+    if (this.wish) this.begin();
+    else this.context.suspend();
+    this.tell();
+  }
+
+  tell() {
+    const waits = this.wish && !this.on;
+    this.button.textContent = this.on ? "Sound on" : waits ? "Sound waits for a key" : "Sound off";
+    this.button.classList.toggle("waits", waits);
     this.button.setAttribute("aria-pressed", String(this.on));
   }
 
