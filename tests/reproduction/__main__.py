@@ -1,6 +1,6 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, difficulty, real, exact, paper1, paper2, background, jpda, imm,
+Words on the command line choose some: lumps, difficulty, real, exact, paper1, paper2, background, jpda, imm, points,
 quality, pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
 """
 
@@ -24,6 +24,7 @@ from tests.reproduction import (  # noqa: E402
     paper3_background,
     paper3_jpda,
     pictures,
+    points,
     quality,
 )
 from tests.reproduction.real import suite as real  # noqa: E402
@@ -38,6 +39,7 @@ EXPERIMENTS = {
     "background": paper3_background.main,
     "jpda": paper3_jpda.main,
     "imm": imm.main,
+    "points": points.main,
     "quality": quality.main,
     "pictures": pictures.main,
 }
