@@ -19,7 +19,8 @@ def plant() -> Iterator[Plant]:
     made.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    with chromium() as opened:
+    """One for all: each page of `new_page` has cookies and storage of its own. Sound wants a click there too."""
+    with chromium("--autoplay-policy=user-gesture-required") as opened:
         yield opened

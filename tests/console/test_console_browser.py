@@ -10,7 +10,7 @@ import pytest
 
 from lumpwatch.service.config import load_config
 from tests.bus.test_bus_support import eventually
-from tests.console.chromium import chromium, needs_chromium
+from tests.console.chromium import needs_chromium
 from tests.console.plant import Console, Plant
 
 if TYPE_CHECKING:
@@ -21,12 +21,6 @@ TEXT = "<img src=x onerror=\"document.title='taken'\"><script>document.title='ta
 VALID_S = 2.0
 
 pytestmark = needs_chromium
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium("--autoplay-policy=user-gesture-required") as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -99,4 +99,4 @@ def test_lumps_their_size_and_blind_time_fall_into_their_hours(config: SiteConfi
 def test_without_a_log_it_is_said(config: SiteConfig) -> None:
     (row,) = trends(config, 3, NOW_S, no_age)
     assert row["logged"] is False
-    assert [hour.lumps for hour in row["hours"]] == [0, 0, 0]
+    assert [(hour.lumps, hour.unknown) for hour in row["hours"]] == [(0, True)] * 3

@@ -70,7 +70,9 @@ export async function call(path, method = "GET", content = undefined, again = tr
   const headers = method === "GET" ? {} : { "X-CSRF-Token": body.dataset.csrf };
   const raw = content instanceof Blob;
   if (content !== undefined) headers["Content-Type"] = raw ? "application/octet-stream" : "application/json";
-  const answer = await fetch(path, { method, headers, body: content === undefined ? undefined : raw ? content : JSON.stringify(content) });
+  const answer = await fetch(path, { method, headers, body: content === undefined ? undefined : raw ? content : JSON.stringify(content) }).catch(() => {
+    throw new Error(`no connection to the console${method === "GET" ? "" : ": whether it was done is seen when it is back"}`);
+  });
   const told = answer.status === 204 ? null : await answer.json().catch(() => null);
   if (answer.status === 403 && again && told?.error?.startsWith("X-CSRF-Token")) {
     await fetch("/health");
