@@ -29,6 +29,12 @@ def camera(**quality: Any) -> CameraConfig:
     return site(tree).cameras[0]
 
 
+def every_frame(config: CameraConfig) -> CameraConfig:
+    """The same, decided on every frame."""
+    rois = tuple(roi.model_copy(update={"decide_hz": "all"}) for roi in config.rois)
+    return config.model_copy(update={"rois": rois})
+
+
 def blocks(seed: int, shape: tuple[int, int]) -> Image:
     """Stones of all greys."""
     rng = np.random.default_rng(seed)

@@ -71,7 +71,7 @@ class OverloadConfig(CheckConfig):
     longest_age_s: PositiveSeconds = 1.0
     """Frames that are older when they are judged are too late."""
     least_share: Unit = 0.2
-    """The least share of the camera's frames that must be judged."""
+    """The least share of the frames that are due (`decide_hz`) that must be judged."""
 
 
 class QualityConfig(Strict):

@@ -41,6 +41,7 @@ from tests.belt_scene import (
     camera,
     dark,
     dusty,
+    every_frame,
     frames,
     frozen,
     learned,
@@ -263,7 +264,7 @@ def test_a_picture_that_is_not_fit_clears_no_alarm() -> None:
 
 
 def test_too_few_frames_or_late_ones_are_overload() -> None:
-    config = camera(overload={"longest_age_s": 0.5})
+    config = every_frame(camera(overload={"longest_age_s": 0.5}))
     quality = config.quality
     for step, age_s, reason in ((1, 0.0, None), (10, 0.0, "overload"), (1, 0.8, "overload"), (4, 0.4, None)):
         pipeline = CameraPipeline(config, {"apron": prior()})
