@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from lumpwatch.service.config import SiteConfig
@@ -31,16 +32,7 @@ def events(config: SiteConfig, asked: Mapping[str, str], now_s: float | None = N
     """
     now_s = time.time() if now_s is None else now_s
     since_s = _moment(config, asked.get("since") or "24h", now_s)
-    files = [
-        event_file(config.store.path, camera.id)
-        for camera in config.cameras
-        if asked.get("camera") in (None, "", camera.id)
-    ]
-    there = [file for file in files if file.is_file()]
-    if not there:
-        raise EventLogError(
-            "there is no event log here: nothing has happened yet, or the store is on another host"
-        )
+    there = _logs(config, asked.get("camera") or "")
     found = merged_events(there, since_s)
     return [event.public() for event in reversed(deque(_wanted(found, asked), MOST))]
 
@@ -59,6 +51,7 @@ def shift(config: SiteConfig, when: str, now_s: float | None = None) -> Figures:
     """The figures of a shift. Raises ConfigError and EventLogError."""
     now_s = time.time() if now_s is None else now_s
     about = report_window(when, config.shifts, now_s)
+    _logs(config)  # without any, nothing is known, and not that nothing happened
     return shift_figures(config.site, about, read_shift(config, about), now_s)
 
 
@@ -71,6 +64,17 @@ def by_hour(figures: Figures) -> list[int]:
         if 0 <= hour < len(counts):
             counts[hour] += 1
     return counts
+
+
+def _logs(config: SiteConfig, only: str = "") -> list[Path]:
+    """The event logs of all cameras, or of one. Raises EventLogError where there is none."""
+    files = [event_file(config.store.path, one.id) for one in config.cameras if only in ("", one.id)]
+    there = [file for file in files if file.is_file()]
+    if not there:
+        raise EventLogError(
+            "there is no event log here: nothing has happened yet, or the store is on another host"
+        )
+    return there
 
 
 def _wanted(found: Iterator[Event], asked: Mapping[str, str]) -> Iterator[Event]:

@@ -6,6 +6,7 @@ import contextlib
 import http.client
 import json
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,8 +14,10 @@ import pytest
 
 from lumpwatch.service.config import UserRole
 from lumpwatch.service.console import UserFile
+from lumpwatch.service.storage import EventWriter, Span
 from tests.bus.test_bus_support import eventually
 from tests.console.plant import Client, Console, Plant
+from tests.storage.test_event_log import Counting
 
 ACK = "/api/v1/cameras/cam/rois/apron/commands/ack"
 PASSWORD = "correct horse"
@@ -116,9 +119,14 @@ def test_whatever_changes_something_is_refused_to_who_may_not(console: Console, 
 
 def test_what_operators_look_at_loads_no_numerics(console: Console) -> None:
     """Numba and SciPy more than double the console's memory, and it starts twice as slowly with them."""
+    now_s = time.time()
+    writer = EventWriter(console.config.parent / "var", "cam", Counting(), time.time)
+    assert writer.add([Span(now_s - 60.0, now_s, "apron", 60.0, {})], wait=True)
+    writer.close()
     otto = logged_in(console, "otto")
-    for page in ("/", "/cameras/cam", "/alarms", "/events", "/shift", "/trends", "/health"):
+    for page in ("/", "/cameras/cam", "/alarms", "/events", "/trends", "/health"):
         assert otto.ask("GET", page)[0] == 200
+    assert "unknown, minutes" in otto.ask("GET", "/shift?when=current")[2]
     otto.ask("GET", "/api/v1/cameras/cam/rois/apron/evidence/000000000000001-000001")
     mapped = Path(f"/proc/{console.process.pid}/maps").read_text()
     assert "zenoh" in mapped

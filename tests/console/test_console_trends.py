@@ -9,9 +9,10 @@ import pytest
 
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.console.ages import HOUR_S, Ages
+from lumpwatch.service.console.reports import events, shift
 from lumpwatch.service.console.trends import TrendError, hours_of, trends
 from lumpwatch.service.core import Alarm, AlarmClass
-from lumpwatch.service.storage import Entry, Event, EventWriter, Span
+from lumpwatch.service.storage import Entry, Event, EventLogError, EventWriter, Span
 from tests.service_helpers import site, site_tree
 from tests.storage.test_event_log import Counting
 
@@ -97,6 +98,9 @@ def test_lumps_their_size_and_blind_time_fall_into_their_hours(config: SiteConfi
 
 
 def test_without_a_log_it_is_said(config: SiteConfig) -> None:
+    for read in (lambda: shift(config, "current", NOW_S), lambda: events(config, {}, NOW_S)):
+        with pytest.raises(EventLogError, match="no event log"):
+            read()
     (row,) = trends(config, 3, NOW_S, no_age)
     assert row["logged"] is False
     assert [(hour.lumps, hour.unknown) for hour in row["hours"]] == [(0, True)] * 3

@@ -18,7 +18,7 @@ export const region = (alarm) => `/api/v1/cameras/${encodeURIComponent(alarm.cam
 
 // Without a connection another page cannot come: the browser's own error would stand there, silent, and stay.
 function stays() {
-  if (feed.linked() || feed.ended) return false;
+  if (feed.linked() || feed.ended || !feed.snapshot) return false; // before the first news there is nothing to keep
   toast("No connection: this page stays, and catches up by itself.", true);
   return true;
 }
