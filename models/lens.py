@@ -21,6 +21,8 @@ _ROUNDS = 30
 _LEAST_POINTS = 3
 _LEAST_FOR_BOTH = 8
 """Points beyond the two that each edge's line takes: fewer do not tell two coefficients apart."""
+_LEAST_SLOPE_PX = 3.0
+"""By how much points leave their lines for a coefficient that is wrong by one: less hides in errors of a pixel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,5 +102,9 @@ def find_lens(edges: Sequence[Array], size: tuple[int, int]) -> tuple[Lens, floa
         return np.concatenate(off)
 
     found = least_squares(bent, np.zeros(2 if both else 1), bounds=(-0.5, 2.0))
+    if np.linalg.norm(found.jac, axis=0).min() < _LEAST_SLOPE_PX:
+        raise ValueError(
+            "lens: these edges tell nothing of it: give points farther apart, and edges far from the middle"
+        )
     k1, k2 = float(found.x[0]), float(found.x[1]) if both else 0.0
     return Lens(k1, k2, size), float(np.sqrt(np.mean(np.square(bent(found.x)))))

@@ -46,6 +46,10 @@ def tracks_of(frames: ArrayLike, ids: ArrayLike, boxes: ArrayLike) -> Tracks:
 
 def _whole(values: ArrayLike, name: str) -> NDArray[np.int64]:
     given = np.asarray(values)
+    if given.size and given.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be whole numbers of at most 64 bits")
     if not np.isfinite(given).all() or not np.array_equal(given, np.trunc(given)):
         raise ValueError(f"{name} must be whole numbers")
+    if given.size and np.abs(given.astype(np.float64)).max() > 2.0**53:
+        raise ValueError(f"{name} must be within 2^53")
     return given.astype(np.int64)

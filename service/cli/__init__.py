@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -120,9 +121,16 @@ def _one_line(error: LumpwatchError) -> str:
     return printable(str(error))
 
 
+def _escape_what_cannot_be_printed() -> None:
+    """A terminal that is not UTF-8, or a file whose name is not, is no reason to end with an error."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     use_one_thread()
+    _escape_what_cannot_be_printed()
     given = list(sys.argv[1:] if argv is None else argv)
     known = [name for names in _MODULES.values() for name in names]
     if given and not given[0].startswith("-") and given[0] not in known:

@@ -10,8 +10,9 @@ import time
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.colours import coloured, wanted
@@ -157,6 +158,17 @@ def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str, timeout
     if reply.payload is None:
         raise LumpwatchError(f"{target}: {reply.error}")
     return reply.payload
+
+
+Answer = TypeVar("Answer", bound=BaseModel)
+
+
+def read_answer(model: type[Answer], answer: bytes, target: str) -> Answer:
+    """The answer as what it must be; raises LumpwatchError for that of another version or program."""
+    try:
+        return model.model_validate_json(answer)
+    except ValidationError:
+        raise LumpwatchError(f"{target}: the answer is not one that this version understands") from None
 
 
 def describe_alarm(payload: bytes) -> str:

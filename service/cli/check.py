@@ -17,10 +17,10 @@ from rich.table import Table
 from lumpwatch.models.roi import Image
 from lumpwatch.service.belt import make_pace, make_plane, pixels_of
 from lumpwatch.service.capture import look_at
-from lumpwatch.service.cli.common import Commands, add_command, camera_of
+from lumpwatch.service.cli.common import Commands, add_command, camera_of, picture_size
 from lumpwatch.service.cli.snapshot import save_picture
 from lumpwatch.service.config import CameraConfig, SiteConfig, load_config
-from lumpwatch.service.core import write_words
+from lumpwatch.service.core import read_bounded, write_words
 from lumpwatch.service.detection import draw_belt, seen_belt
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors, check_simulations
@@ -39,7 +39,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
         "--size",
-        type=_size,
+        type=picture_size,
         metavar="WxH",
         help="size of the pictures, such as 1920x1080 (default: that of --picture, or 1920x1080)",
     )
@@ -189,17 +189,10 @@ def _print(found: _Found, *, as_json: bool) -> None:
 
 def _read(path: Path) -> Image:
     try:
-        coded = np.frombuffer(path.read_bytes(), np.uint8)
+        coded = np.frombuffer(read_bounded(path), np.uint8)
     except OSError as error:
         raise ConfigError(f"--picture {path}: cannot be read ({error.strerror})") from error
     picture = cv2.imdecode(coded, cv2.IMREAD_COLOR) if coded.size else None
     if picture is None:
         raise ConfigError(f"--picture {path}: is no picture")
     return np.asarray(picture, np.uint8)
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit() and int(width) and int(height)):
-        raise argparse.ArgumentTypeError(f"'{text}' is not WIDTHxHEIGHT in pixels")
-    return int(width), int(height)

@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
-from lumpwatch.service.core import log_level, seconds_of
+from lumpwatch.service.core import log_level, seconds_of, whole_number
 from lumpwatch.service.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -75,6 +75,19 @@ def duration(text: str) -> float:
         return seconds_of(text)
     except ConfigError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """Width and height in pixels of a text such as 1920x1080, for argparse."""
+    width, height = (whole_number(side, _MOST_PX) for side in (*text.split("x"), "", "")[:2])
+    if text.count("x") != 1 or not (width and height and min(width, height) >= _LEAST_PX):
+        raise argparse.ArgumentTypeError(
+            f"'{text[:40]}' is not a size such as 1920x1080 ({_LEAST_PX} to {_MOST_PX} px)"
+        )
+    return width, height
+
+
+_LEAST_PX, _MOST_PX = 16, 16384
 
 
 def add_actor(parser: argparse.ArgumentParser, text: str, *, required: bool) -> None:

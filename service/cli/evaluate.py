@@ -17,10 +17,12 @@ from rich.table import Table
 from lumpwatch.models.evaluation import METRICS, Scores, Tracks, tracks_of, without_ignored
 from lumpwatch.models.evaluation import evaluate as run_evaluation
 from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import StateLine
 from lumpwatch.service.storage import ignored_boxes, read_labels
 
+_MOST_BYTES = 1 << 30
 Row = tuple[int, int, tuple[float, float, float, float]]
 """Frame, track and box."""
 
@@ -75,7 +77,7 @@ def evaluate(arguments: argparse.Namespace) -> int:
 def _result(path: Path, camera: str | None, roi: str | None, *, counted: bool) -> Tracks:
     """A result in either format; an empty file is a result without boxes. Raises LumpwatchError."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_bounded(path, _MOST_BYTES).decode("utf-8-sig")
     except OSError as error:
         raise LumpwatchError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:

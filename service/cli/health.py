@@ -6,12 +6,14 @@ import argparse
 import json
 import urllib.error
 import urllib.request
+from http.client import HTTPException
 from pathlib import Path
 
 from lumpwatch.service.cli.common import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import LumpwatchError
 
+_MOST_BYTES = 1 << 20
 _PAGES = {"live": "/livez", "ready": "/readyz", "started": "/startupz"}
 
 
@@ -50,13 +52,17 @@ def ask(config: SiteConfig, what: str, timeout_s: float) -> list[str]:
     url = f"http://{f'[{host}]' if ':' in host else host}:{port}{_PAGES[what]}"
     try:
         with urllib.request.urlopen(url, timeout=timeout_s) as answer:
-            text = answer.read()
+            text = answer.read(_MOST_BYTES)
     except urllib.error.HTTPError as error:
-        text = error.read()
-    except OSError as error:
-        raise LumpwatchError(f"{url}: no answer ({error})") from error
+        text = error.read(_MOST_BYTES)
+    except urllib.error.URLError as error:
+        raise LumpwatchError(f"{url}: no answer ({error.reason})") from error
+    except (OSError, HTTPException) as error:
+        raise LumpwatchError(f"{url}: no answer ({error or type(error).__name__})") from error
     try:
         problems = json.loads(text)["problems"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise LumpwatchError(f"{url}: not the answer of a lumpwatch daemon") from error
+    except (ValueError, KeyError, TypeError, RecursionError):
+        problems = None
+    if not isinstance(problems, list):
+        raise LumpwatchError(f"{url}: not the answer of a lumpwatch daemon")
     return [str(problem) for problem in problems]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -102,7 +103,7 @@ def answers(given: dict[str, str | None], ask: Callable[[str, str], str] | None)
 def configuration(file: str, found: dict[str, str]) -> str:
     """The text of the file. Raises ConfigError for an answer that cannot stand there."""
     limit = found["limit_mm"] or "600"
-    if not limit.replace(".", "", 1).isdigit() or not float(limit):
+    if not re.fullmatch(r"[0-9]{1,9}(\.[0-9]{0,9})?", limit) or not float(limit):
         raise ConfigError(f"limit_mm: expected millimetres, found '{limit}'")
     text = _TEXT.format(
         file=file,

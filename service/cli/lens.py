@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.lens import find_lens
-from lumpwatch.service.cli.common import Commands, add_command, add_json, tell_json
+from lumpwatch.service.cli.common import Commands, add_command, add_json, picture_size, tell_json
 from lumpwatch.service.errors import ConfigError
 
 _MOST_OFF_PX = 4.0
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
         "belt, beams, walls, by three points each or more, far from the picture's middle.",
         "lumpwatch lens 1920x1080 --edge 80,40 38,540 80,1040 --edge 1840,40 1882,540 1840,1040",
     )
-    parser.add_argument("size", metavar="WIDTHxHEIGHT", help="size of the picture, px")
+    parser.add_argument("size", type=picture_size, metavar="WIDTHxHEIGHT", help="size of the picture, px")
     parser.add_argument(
         "--edge",
         action="append",
@@ -39,12 +39,7 @@ def add(commands: Commands) -> None:
 
 def lens(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    width, _, height = arguments.size.partition("x")
-    if not (
-        width.isdigit() and height.isdigit() and 16 <= int(width) <= 16384 and 16 <= int(height) <= 16384
-    ):
-        raise ConfigError(f"{arguments.size}: is not a size such as 1920x1080")
-    size = int(width), int(height)
+    size = arguments.size
     edges = [np.array([_point(text, size) for text in edge]) for edge in arguments.edge]
     try:
         found, off_px = find_lens(edges, size)

@@ -13,7 +13,7 @@ from typing import Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from lumpwatch.service.bus import Keys, open_client
-from lumpwatch.service.cli.alarms import as_client, ask_one
+from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
 from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmClass, AlarmRequestError, seconds_of
@@ -86,7 +86,7 @@ def _ask(row: Command, arguments: argparse.Namespace) -> int:
     parameters = request.model_dump(mode="json", by_alias=True, exclude_none=True)
     with open_client(as_client(config.bus), wait=False) as bus:
         answer = ask_one(bus, key, {name: str(value) for name, value in parameters.items()}, target)
-    reply = ActReply.model_validate_json(answer)
+    reply = read_answer(ActReply, answer, target)
     changes = ", ".join(reply.changes) or "nothing to do"
     print(f"{target} {reply.alarm_class}: {changes}, now {reply.alarm}")  # noqa: T201
     return 0

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
-from lumpwatch.service.cli.alarms import as_client, ask_one
+from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
 from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
 from lumpwatch.service.protocol import Outcome, ProofResult
@@ -44,7 +44,7 @@ def proof(arguments: argparse.Namespace) -> int:
                 target = f"{camera.id}/{roi.id}"
                 key = keys.command(camera.id, roi.id, "proof")
                 answer = ask_one(bus, key, {"actor": arguments.actor}, target, _PATIENCE_S)
-                result = ProofResult.model_validate_json(answer)
+                result = read_answer(ProofResult, answer, target)
                 passed &= result.outcome is Outcome.PASSED
                 sys.stdout.write((answer.decode() if arguments.json else describe(result)) + "\n")
                 sys.stdout.flush()

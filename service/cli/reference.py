@@ -76,6 +76,7 @@ def reference(arguments: argparse.Namespace) -> int:
         raise ConfigError("--false-share: must be within 0.000001 and 0.05")
     if not arguments.videos:
         raise ConfigError("reference needs at least one VIDEO by day")
+    store.versions(camera.id).check_writable()
     with ExitStack() as stack:
         advance = stack.enter_context(progress("reading", None))
         lights = {"day": [_recording(camera, video) for video in arguments.videos]}

@@ -71,6 +71,7 @@ def refine_command(arguments: argparse.Namespace) -> int:
     clips += [recorded_clip(only, clip.video.name, clip.video, clip.boxes) for clip in given]
     names = [clip.name for clip in clips]
     store = PriorStore(config.store.path, config.store.keep_priors)
+    store.check_writable(camera.id, roi.id)
     _warn_of_what_is_missing(store.current(camera.id, roi.id).prior, names)
     with progress("reading", None) as advance:
         trained = refine(roi, clips, advance)

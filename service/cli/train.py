@@ -207,6 +207,8 @@ def _without_proposals(surest: Surest, out: Path) -> str:
 
 
 def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConfig, roi: RoiConfig) -> int:
+    store = PriorStore(config.store.path, config.store.keep_priors)
+    store.check_writable(camera.id, roi.id)
     pairs = [
         (arguments.video, arguments.labels),
         *zip(arguments.more[::2], arguments.more[1::2], strict=True),
@@ -221,7 +223,6 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     histogram = isinstance(trained.learned.likelihood, HistogramFit)
     with progress("tempering", HISTOGRAM_TRIALS if histogram else TRIALS) as advance:
         trained = tempered(roi, material.footage, trained, advance)
-    store = PriorStore(config.store.path, config.store.keep_priors)
     acceptance = accept(
         store,
         trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)),

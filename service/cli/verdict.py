@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
-from lumpwatch.service.cli.alarms import as_client, ask_one
+from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
 from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmRequestError
@@ -53,7 +53,7 @@ def verdict(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"verdict: {error}") from error
     target, key = f"{camera.id}/{roi.id}", Keys(config.site).command(camera.id, roi.id, "verdict")
     with open_client(as_client(config.bus), wait=False) as bus:
-        reply = VerdictReply.model_validate_json(ask_one(bus, key, asked, target))
+        reply = read_answer(VerdictReply, ask_one(bus, key, asked, target), target)
     later = "" if reply.written else " (the disk is in trouble: it is written when the disk takes it again)"
     print(f"{target} alarm {reply.sequence}: {reply.verdict}{later}")  # noqa: T201
     return 0

@@ -7,10 +7,12 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
+from lumpwatch.service.core import whole_number
+
 
 def _checked(value: str) -> str:
     host, _, port = value.rpartition(":")
-    if not host or not port.isdigit() or not 0 <= int(port) <= 65535:
+    if not host or whole_number(port, 65535) is None:
         raise ValueError(f"'{value}' is not host:port")
     return value
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -19,10 +20,12 @@ from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEv
 from lumpwatch.service.config.base import Id
 from lumpwatch.service.config.known_keys import keys_at
 from lumpwatch.service.config.site import SiteConfig
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
 _MAX_BYTES = 4 << 20
+_MOST_SECRET = 64 << 10
 _MOST_LEVELS = 50  # a configuration has some ten
 
 
@@ -57,10 +60,10 @@ def load_config(path: Path, environ: Mapping[str, str] = os.environ, *, secrets:
 def read_text(path: Path) -> str:
     """The configuration file's text. Raises ConfigError where it cannot be one."""
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ConfigError(f"{path}: larger than {_MAX_BYTES >> 20} MiB, not a configuration")
-        return path.read_text(encoding="utf-8")
+        return read_bounded(path, _MAX_BYTES).decode("utf-8")
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise ConfigError(f"{path}: larger than {_MAX_BYTES >> 20} MiB, not a configuration") from error
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: is not UTF-8 text") from error
@@ -204,7 +207,10 @@ def _substitute(node: Any, where: str, environ: Mapping[str, str], secrets: list
             secrets.append(found)
         return found
 
-    return _VARIABLE.sub(value, node)
+    text = _VARIABLE.sub(value, node)
+    if "\0" in text:
+        raise ConfigError(f"{where}: holds a zero byte, which nothing can be called by")
+    return text
 
 
 def _variable(key: str, where: str, environ: Mapping[str, str]) -> str:
@@ -212,7 +218,7 @@ def _variable(key: str, where: str, environ: Mapping[str, str]) -> str:
         return environ[key]
     if (file := environ.get(f"{key}_FILE")) is not None:
         try:
-            return Path(file).read_text(encoding="utf-8").rstrip("\r\n")
+            return read_bounded(Path(file), _MOST_SECRET).decode("utf-8").rstrip("\r\n")
         except (OSError, UnicodeDecodeError):
             raise ConfigError(f"{where}: the file that {key}_FILE names cannot be read") from None
     raise ConfigError(f"{where}: environment variable {key} is not set (nor {key}_FILE)")

@@ -16,6 +16,7 @@ from lumpwatch.service.console.context import Context
 from lumpwatch.service.console.deeds import DeedError, do
 from lumpwatch.service.console.guard import Guard, problem
 from lumpwatch.service.console.openapi import openapi
+from lumpwatch.service.core import whole_number
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import EvidenceError
 
@@ -60,7 +61,7 @@ async def body_of(request: Request, most: int = MOST_JSON) -> dict[str, Any]:
             raise BadRequestError(f"the body is larger than {most >> 10} KiB")
     try:
         found = json.loads(content) if content else {}
-    except ValueError:
+    except (ValueError, RecursionError):  # brackets by the thousand
         raise BadRequestError("the body is not JSON") from None
     if not isinstance(found, dict):
         raise BadRequestError("the body is not a JSON object")
@@ -70,9 +71,10 @@ async def body_of(request: Request, most: int = MOST_JSON) -> dict[str, Any]:
 def whole(request: Request, name: str, default: int) -> int:
     """A whole number among the query's parameters. Raises BadRequestError."""
     text = request.query_params.get(name, str(default))
-    if not text.removeprefix("-").isdigit() or len(text) > 15:
+    found = whole_number(text.removeprefix("-"), 10**14)
+    if found is None:
         raise BadRequestError(f"{name}: is not a whole number")
-    return int(text)
+    return -found if text.startswith("-") else found
 
 
 class LiveApi:

@@ -27,6 +27,7 @@ from lumpwatch.service.console.work import (
     from_boxes,
     to_mot,
 )
+from lumpwatch.service.core import whole_number
 from lumpwatch.service.storage import read_labels
 
 _MOST_LABELS = 16 << 20
@@ -70,8 +71,8 @@ class ClipApi:
         require(request, UserRole.ENGINEER)
         name = _shown_name(request.query_params.get("name", ""))
         camera = self._context.config.camera(request.query_params.get("camera", "")).id
-        declared, room = request.headers.get("content-length", ""), self._library.room
-        if declared.isdigit() and int(declared) > room:
+        declared, room = whole_number(request.headers.get("content-length", ""), 1 << 62), self._library.room
+        if declared is not None and declared > room:
             return problem(413, f"there is room for {max(0, room) >> 20} MiB (console.work_mb)")
         user = request.scope["user"].name
         with self._library.arriving(name) as path:

@@ -9,7 +9,7 @@ from typing import Any
 
 from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.console.ages import HOUR_S
-from lumpwatch.service.core import AlarmClass, Change
+from lumpwatch.service.core import AlarmClass, Change, whole_number
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Event, Span, event_file, read_events, reading, uptime_spans
 
@@ -42,9 +42,9 @@ class Hour:
 
 def hours_of(text: str) -> int:
     """How many hours are meant. Raises TrendError."""
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:6]) <= MOST_HOURS:
+    if not (hours := whole_number(text, MOST_HOURS)):
         raise TrendError(f"hours: '{text[:20]}' is not a number from 1 to {MOST_HOURS}")
-    return int(text)
+    return hours
 
 
 def trends(config: SiteConfig, hours: int, now_s: float, age: Percentile) -> list[dict[str, Any]]:

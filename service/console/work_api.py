@@ -26,6 +26,7 @@ from lumpwatch.service.console.work import (
     references,
     use_reference,
 )
+from lumpwatch.service.core import whole_number
 from lumpwatch.service.storage import PriorStore, ReferenceStore
 
 log = logging.getLogger(__name__)
@@ -62,7 +63,7 @@ class WorkApi:
             Route(f"{job}/files/{{file}}", answered(self.file)),
             Route(priors, answered(self.priors)),
             Route(priors, answered(self.decide), methods=["POST"]),
-            Route(f"{priors}/{{version:int}}/report", answered(self.report)),
+            Route(f"{priors}/{{version}}/report", answered(self.report)),
             Route("/api/v1/cameras/{camera}/reference", answered(self.reference)),
             Route("/api/v1/cameras/{camera}/reference", answered(self.use_reference), methods=["POST"]),
         ]
@@ -143,8 +144,9 @@ class WorkApi:
     async def report(self, request: Request) -> Response:
         """The report of the training that made a version."""
         camera, roi = self._region(request)
-        path = self._priors.report_path(camera, roi, request.path_params["version"])
-        if not path.is_file():
+        version = whole_number(request.path_params["version"], 10**9)
+        path = None if version is None else self._priors.report_path(camera, roi, version)
+        if path is None or not path.is_file():
             raise KeyError("report of this version")
         return _sent(path, "text/html; charset=utf-8")
 

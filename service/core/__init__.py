@@ -71,6 +71,7 @@ from lumpwatch.service.core.logs import LEVEL, log_level, log_to_stderr
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
 from lumpwatch.service.core.pace import Pace, PaceState
 from lumpwatch.service.core.plain_text import printable
+from lumpwatch.service.core.reading import read_bounded, whole_number
 from lumpwatch.service.core.spells import Spells
 from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
 
@@ -132,6 +133,7 @@ __all__ = [
     "moment_of",
     "printable",
     "put_back",
+    "read_bounded",
     "reduced_frame",
     "reset",
     "seconds_of",
@@ -147,6 +149,7 @@ __all__ = [
     "utc",
     "whole_bgr",
     "whole_frame",
+    "whole_number",
     "working_colour",
     "working_luma",
     "write_words",

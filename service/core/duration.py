@@ -25,7 +25,7 @@ def moment_of(text: str, now_s: float) -> float | None:
     """Seconds since the epoch of an ISO 8601 time, or of a span before `now_s`; None where it is neither."""
     try:
         return datetime.fromisoformat(text).astimezone(UTC).timestamp()
-    except ValueError:
+    except (ValueError, OverflowError):  # the year 9999 in some zones
         pass
     try:
         return now_s - seconds_of(text)

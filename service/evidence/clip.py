@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.service.core import BlindReason, Frame, PictureQuality
+from lumpwatch.service.core import BlindReason, Frame, PictureQuality, read_bounded
 from lumpwatch.service.errors import LumpwatchError
 
 _MS = Fraction(1, 1000)
@@ -95,8 +95,8 @@ def sidecar(frame: Frame, now_s: float, quality: PictureQuality) -> bytes:
 def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, PictureQuality]]:
     """The frames, when each was decided, and what was judged of its quality. Raises ClipError."""
     try:
-        lines = [json.loads(line) for line in times.read_bytes().splitlines()]
-    except (OSError, ValueError) as error:
+        lines = [json.loads(line) for line in read_bounded(times).splitlines()]
+    except (OSError, ValueError, RecursionError) as error:
         raise ClipError(f"{times}: cannot be read ({error})") from error
     count = 0
     for count, picture in enumerate(read_pictures(video), start=1):
@@ -104,7 +104,7 @@ def read_frames(video: Path, times: Path) -> Iterator[tuple[Frame, float, Pictur
             raise ClipError(f"{video}: holds more pictures than {times.name} has lines ({len(lines)})")
         try:
             yield _frame(lines[count - 1], picture)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
             raise ClipError(f"{times}, line {count}: is not as expected ({error})") from error
     if count < len(lines):
         raise ClipError(f"{video}: holds {count} pictures, {times.name} has {len(lines)} lines")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import META, EvidenceMeta, StoredFile
 
@@ -35,7 +36,7 @@ class Evidence:
             raise EvidenceError(f"{self.folder}: has no {name}")
         path = self.folder / name
         try:
-            content = path.read_bytes()
+            content = read_bounded(path, stored.size)
         except OSError as error:
             raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from error
         if len(content) != stored.size:
@@ -49,7 +50,7 @@ def read_evidence(folder: Path) -> Evidence:
     """The evidence in a folder; its other files are not looked at. Raises EvidenceError."""
     path = folder / META
     try:
-        found = Evidence(folder, EvidenceMeta.model_validate_json(path.read_bytes()))
+        found = Evidence(folder, EvidenceMeta.model_validate_json(read_bounded(path)))
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror}); is this evidence?") from error
     except ValidationError as error:

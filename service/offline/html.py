@@ -37,8 +37,8 @@ img.plot { width: 100%; } img.still { max-width: 220px; border-radius: 4px; disp
 
 
 def html_text(value: object) -> str:
-    """Any value as text of a page."""
-    return html.escape(str(value))
+    """Any value as text of a page; bytes of a file name that are no UTF-8 are shown as they are coded."""
+    return html.escape(str(value).encode("utf-8", "backslashreplace").decode())
 
 
 def html_page(title: str, parts: Iterable[str]) -> str:

@@ -20,6 +20,8 @@ from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import alarm_event, feed_of, state_line
 from lumpwatch.service.storage import Prior, Reference
 
+SUMMARY = "summary.json"
+
 
 class ReplayError(LumpwatchError):
     """The replay cannot go on; the text names the file."""
@@ -132,6 +134,7 @@ def run_replay(
     sequences: Counter[str] = Counter()
     try:
         out.mkdir(parents=True, exist_ok=True)
+        (out / SUMMARY).unlink(missing_ok=True)  # an earlier one would stand beside half of this one
         with (out / "states.jsonl").open("wb") as states, (out / "alarms.jsonl").open("wb") as alarms:
             for frame in frames:
                 start_s = frame.capture_s if start_s is None else start_s
@@ -145,7 +148,7 @@ def run_replay(
                 summary.duration_s = frame.capture_s - start_s
                 for watch in watching:
                     watch(frame, results, pipeline)
-        (out / "summary.json").write_text(summary.text(), encoding="utf-8")
+        (out / SUMMARY).write_text(summary.text(), encoding="utf-8")
     except OSError as error:
         raise ReplayError(f"{error.filename or out}: cannot be written ({error.strerror})") from error
     if summary.frames == 0:

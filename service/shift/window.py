@@ -27,6 +27,10 @@ class Window:
         return self.end_s - self.begin_s
 
 
+_END_OF_TIME_S = 250e9  # the year 9892: what follows may lie beyond what a date can be
+_MOST_S = 400 * 86_400.0
+
+
 def report_window(text: str, shifts: ShiftsConfig, now_s: float) -> Window:
     """The time that is meant; raises ConfigError.
 
@@ -41,7 +45,7 @@ def report_window(text: str, shifts: ShiftsConfig, now_s: float) -> Window:
     if day:
         try:
             found = [shift for shift in _shifts(shifts, date.fromisoformat(day)) if shift.name == name]
-        except ValueError:
+        except (ValueError, OverflowError):  # the day after 9999-12-31
             raise ConfigError(f"--shift '{text}': '{day}' is not a date such as 2026-11-22") from None
     else:
         today = datetime.fromtimestamp(now_s, zone).date()
@@ -84,6 +88,8 @@ def _span(text: str, zone: ZoneInfo) -> Window:
         end_s = begin_s + seconds_of(end_text)
     if end_s <= begin_s:
         raise ConfigError(f"--shift '{text}': ends before it begins")
+    if end_s - begin_s > _MOST_S:
+        raise ConfigError(f"--shift '{text}': is longer than {_MOST_S / 86_400:g} days")
     began = datetime.fromtimestamp(begin_s, UTC).astimezone(zone)
     return Window(f"{began:%Y-%m-%d %H:%M}", begin_s, end_s)
 
@@ -91,6 +97,7 @@ def _span(text: str, zone: ZoneInfo) -> Window:
 def _moment(text: str, zone: ZoneInfo) -> float | None:
     try:
         when = datetime.fromisoformat(text)
-    except ValueError:
+        moment_s = (when if when.tzinfo else when.replace(tzinfo=zone)).timestamp()
+    except (ValueError, OverflowError):
         return None
-    return (when if when.tzinfo else when.replace(tzinfo=zone)).timestamp()
+    return moment_s if 0 <= moment_s < _END_OF_TIME_S else None

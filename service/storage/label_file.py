@@ -12,7 +12,10 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import LumpwatchError
+
+_MOST = 1e9
 
 
 class LabelError(LumpwatchError):
@@ -104,7 +107,7 @@ def check_frames(boxes: tuple[Box, ...], frames: int, path: Path, video: str) ->
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return read_bounded(path).decode("utf-8-sig")
     except OSError as error:
         raise LabelError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
@@ -121,8 +124,10 @@ def _parse(line: str, where: str) -> Box | None:
     except ValueError as error:
         raise LabelError(f"{where}: '{line.strip()[:60]}' holds something that is not a number") from error
     frame, track, x, y, w, h = numbers
-    if not all(map(math.isfinite, numbers)) or frame != int(frame) or track != int(track):
+    if not all(map(math.isfinite, (*numbers, confidence))) or frame != int(frame) or track != int(track):
         raise LabelError(f"{where}: frame and id must be whole, all numbers finite")
+    if max(map(abs, numbers)) > _MOST:
+        raise LabelError(f"{where}: a number is beyond {_MOST:g}")
     if frame < 1:
         raise LabelError(f"{where}: frames count from 1, found {int(frame)}")
     if w <= 0 or h <= 0:

@@ -14,9 +14,11 @@ is never taken by itself.
 from __future__ import annotations
 
 import contextlib
+import errno
 from dataclasses import dataclass
 from pathlib import Path
 
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.storage.atomic import write_new_file
 from lumpwatch.service.storage.prior_file import MAX_BYTES, Prior, PriorError, decode_prior, encode_prior
 from lumpwatch.service.storage.versions import StoreError, Versions
@@ -37,10 +39,10 @@ class Found:
 def read_file(path: Path) -> Prior:
     """A prior from any file; raises PriorError."""
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise PriorError(f"{path}: is larger than {MAX_BYTES >> 20} MiB")
-        content = path.read_bytes()
+        content = read_bounded(path, MAX_BYTES)
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise PriorError(f"{path}: is larger than {MAX_BYTES >> 20} MiB") from error
         raise PriorError(f"{path}: cannot be read ({error.strerror})") from error
     return decode_prior(content, str(path))
 
@@ -59,6 +61,10 @@ class PriorStore:
     def versions(self, camera: str, roi: str) -> tuple[int, ...]:
         """All stored versions, oldest first."""
         return self._of(camera, roi).all()
+
+    def check_writable(self, camera: str, roi: str) -> None:
+        """Raises StoreError where nothing can be stored: to be asked before minutes of work, not after them."""
+        self._of(camera, roi).check_writable()
 
     def path(self, camera: str, roi: str, version: int) -> Path:
         """File of a version."""

@@ -5,6 +5,7 @@ What a fit picture looks like by day and by night (`lumpwatch.models.picture`), 
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from lumpwatch.models.picture.pattern import Pattern
 from lumpwatch.models.picture.reference import Light
 from lumpwatch.models.picture.region import Measure, RegionReference
 from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage.arrays import load_arrays, within
 from lumpwatch.service.storage.checksummed import SealError, seal, unseal
@@ -222,8 +224,8 @@ class ReferenceStore:
 
 def _read(path: Path) -> bytes:
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise BadReferenceError(f"{path}: is larger than {MAX_BYTES >> 20} MiB")
-        return path.read_bytes()
+        return read_bounded(path, MAX_BYTES)
     except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise BadReferenceError(f"{path}: is larger than {MAX_BYTES >> 20} MiB") from error
         raise BadReferenceError(f"{path}: cannot be read ({error.strerror})") from error

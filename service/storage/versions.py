@@ -9,6 +9,7 @@ Every file appears whole or not at all.
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,6 +88,13 @@ class Versions:
             with contextlib.suppress(OSError):
                 self.path(old).unlink()
         return version
+
+    def check_writable(self) -> None:
+        """Raises StoreError where the disk takes nothing, by a small file that is gone at once."""
+        with self.writing():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.folder) as file:
+                file.write(b"\0" * 4096)
 
     def use(self, version: int) -> None:
         """Set a version to be used. Raises StoreError."""

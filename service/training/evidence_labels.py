@@ -68,8 +68,19 @@ def export(judged: Mapping[str, tuple[Evidence, Verdict]], out: Path) -> Exporte
 
 
 def track_labels(states: bytes, camera: CameraConfig) -> str:
-    """MOTChallenge rows of the tracks that at their best would have raised the alarm; frames from 1."""
-    lines = [json.loads(line) for line in states.splitlines()]
+    """MOTChallenge rows of the tracks that at their best would have raised the alarm; frames from 1.
+
+    Raises LumpwatchError for states of a version that wrote others.
+    """
+    try:
+        return _rows([json.loads(line) for line in states.splitlines()], camera)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise LumpwatchError(
+            f"camera {camera.id}: the states of evidence cannot be read ({error!r})"
+        ) from error
+
+
+def _rows(lines: list[dict[str, Any]], camera: CameraConfig) -> str:
     best: dict[int, float] = {}
     for line in lines:
         for found in line["objects"]:

@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import LabelError, is_proposal, replace_file
 
@@ -76,7 +77,7 @@ def accept_proposals(path: Path, ids: Collection[int] | None) -> int:
     Raises LabelError where the file cannot be read or written, or does not hold the proposals.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_bounded(path).decode("utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: cannot be read ({error})") from error
     proposed = {found for line in lines if is_proposal(line) and (found := _id(line)) is not None}

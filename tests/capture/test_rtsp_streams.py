@@ -189,6 +189,16 @@ def test_damaged_packets_are_counted_and_the_stream_goes_on(clips: dict[Codec, P
         assert camera.counts["corrupt"] >= 1
 
 
+def test_jpegs_that_the_camera_itself_cut_are_refused(clips: dict[Codec, Path]) -> None:
+    """Else their missing part would be shown as the picture before had it."""
+    with RtspServer(clips["mjpeg"]) as server, Camera(server.url, read_timeout_s=20.0).opened() as camera:
+        camera.read(10)
+        assert camera.counts == {}
+        server.say("cut 8")
+        camera.read(30)
+        assert camera.counts == {"corrupt": 8}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("codec", ["h264", "h265"])
 def test_a_stream_of_damage_only(clips: dict[Codec, Path], codec: Codec) -> None:

@@ -216,6 +216,41 @@ def test_files_that_are_no_video(tmp_path: Path, clip: Path) -> None:
     assert fault("cut_before_its_index.mp4", clip.read_bytes()[:4000]) is Fault.CORRUPT
 
 
+def test_text_is_not_drawn_as_a_film(tmp_path: Path) -> None:
+    """Labels in the place of the video: FFmpeg makes pictures of their letters."""
+    (tmp_path / "gt.txt").write_text("1,1,10,20,30,40\n" * 50)
+    error = Player(tmp_path / "gt.txt").fault()
+    assert error.fault is Fault.CODEC
+    assert str(error).endswith("gt.txt: is text, not a video")
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mp4")
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "folder" / "1.png")
+    for path in (tmp_path / "pipe.mp4", Path("/dev/zero"), tmp_path / "folder"):
+        error = Player(path).fault()
+        assert error.fault is Fault.CODEC
+        assert "pipe, socket or device" in str(error)
+
+
+def test_of_several_streams_the_film_is_shown(tmp_path: Path) -> None:
+    """A preview and a cover picture stand before it, as recorders and phones write them."""
+    path = tmp_path / "several.mkv"
+    with av.open(str(path), "w") as container:
+        streams = [container.add_stream("ffv1", rate=10) for _ in range(2)]
+        for stream, side in zip(streams, (16, 64), strict=True):
+            stream.width = stream.height = side
+            stream.pix_fmt = "yuv420p"
+        for index in range(6):
+            for stream in streams:
+                picture = np.full((stream.height, stream.width, 3), 40 * index, np.uint8)
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        for stream in streams:
+            container.mux(stream.encode(None))
+    assert [frame.width for frame in Player(path).frames()] == [64] * 6
+
+
 def test_a_path_with_odd_characters(tmp_path: Path) -> None:
     path = write_clip(tmp_path / "a: odd %03d näme#1?.mp4", frames=3)
     assert len(list(Player(path).frames())) == 3

@@ -93,6 +93,28 @@ def test_a_file_that_is_not_text(tmp_path: Path) -> None:
         load_config(tmp_path / "site.yaml")
 
 
+def test_a_device_that_never_ends_is_too_large() -> None:
+    with pytest.raises(ConfigError, match="larger than 4 MiB"):
+        load_config(Path("/dev/zero"))
+
+
+def test_a_secret_of_a_file_that_never_ends() -> None:
+    text = "site: ${NAME}\ncameras: []\n"
+    with pytest.raises(ConfigError, match="the file that NAME_FILE names cannot be read"):
+        parse_config(text, environ={"NAME_FILE": "/dev/zero"})
+
+
+@pytest.mark.parametrize("text", ['store: {path: "a\\0b"}\n', 'cameras: [{source: {url: "a\\0.mp4"}}]\n'])
+def test_a_zero_byte_is_refused_by_its_key(text: str) -> None:
+    with pytest.raises(ConfigError, match=r"(store\.path|cameras\[0\]\.source\.url): holds a zero byte"):
+        parse_config(text)
+
+
+def test_superscripts_are_no_port() -> None:
+    with pytest.raises(ConfigError, match=r"telemetry\.listen: '127\.0\.0\.1:²' is not host:port"):
+        parse_config('site: pit\ntelemetry: {listen: "127.0.0.1:²"}\n')
+
+
 def test_a_file_that_is_far_too_large(tmp_path: Path) -> None:
     with (tmp_path / "site.yaml").open("wb") as file:
         file.truncate(64 << 20)

@@ -70,7 +70,9 @@ def test_only_a_week_is_kept() -> None:
     assert ages.percentile(32, 0.5) is not None
 
 
-@pytest.mark.parametrize("text", ["0", "-1", "169", "1.5", "x", "", "<b>", "9" * 30])
+@pytest.mark.parametrize(
+    "text", ["0", "-1", "169", "1.5", "x", "", "<b>", "9" * 30, "0" * 5 + "19999999", "²"]
+)
 def test_hours_that_are_none_are_named(text: str) -> None:
     with pytest.raises(TrendError, match="hours"):
         hours_of(text)

@@ -323,6 +323,11 @@ def test_a_night_in_which_the_clock_is_put_back_lasts_an_hour_longer() -> None:
         ("then/12h", "'then' is not a time"),
         ("2026-11-22T06:00/soon", "'soon' is not a time"),
         ("2026-11-22T06:00/2026-11-22T05:00", "ends before it begins"),
+        ("night@9999-12-31", "'9999-12-31' is not a date"),
+        ("2026-11-22T06:00/9999-12-31T23:59", "'9999-12-31T23:59' is not a time"),
+        ("2026-11-22T06:00/2030-01-01T00:00", "longer than 400 days"),
+        ("2026-11-22T06:00/99999999999h", "longer than 400 days"),
+        ("0001-01-01T00:00/12h", "'0001-01-01T00:00' is not a time"),
     ],
 )
 def test_what_is_no_time_is_told_so(text: str, told: str) -> None:

@@ -139,11 +139,14 @@ def _chunks(data: bytes, size: int) -> Iterator[tuple[bool, bytes, bool]]:
 
 
 def _jpegs(container: InputContainer, stream: VideoStream) -> list[AccessUnit]:
-    """Re-encode: RFC 2435 sends no Huffman tables, so they must be the default ones, in 4:2:0."""
+    """Re-encode: RFC 2435 sends no Huffman tables, so they must be the default ones, in 4:2:0.
+
+    One slice: several make restart markers, which need a header of their own.
+    """
     encoder = av.CodecContext.create("mjpeg", "w")
     encoder.width, encoder.height, encoder.pix_fmt = stream.width, stream.height, "yuvj420p"
     encoder.time_base = Fraction(1, CLOCK_HZ)
-    encoder.options = {"huffman": "default", "qmin": "3", "qmax": "3"}
+    encoder.options = {"huffman": "default", "qmin": "3", "qmax": "3", "slices": "1"}
     units: list[AccessUnit] = []
     first: int | None = None
     for frame in container.decode(stream):

@@ -6,6 +6,7 @@ re-encoded once at start). Lines on stdin control it:
     freeze | thaw     stop sending, go on (time goes on meanwhile)
     drop N            lose the next N pictures
     corrupt N         fill the next N pictures with random bytes
+    cut N             send the next N pictures without their last tenth, as a camera that is short of memory does
     hold | release    send every picture with the same RTP time stamp, go on with the right one
     back S            let the RTP time stamps jump back by S seconds
     zero              let them begin at 0 again
@@ -29,7 +30,7 @@ import ssl
 import struct
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tests.servers.rtp import CLOCK_HZ, AccessUnit, Track, load
@@ -86,6 +87,7 @@ class Mischief:
     frozen: bool = False
     drop: int = 0
     corrupt: int = 0
+    cut: int = 0
     held_ticks: int | None = None
     shift_ticks: int = 0
     zero: bool = False
@@ -259,6 +261,9 @@ class Server:
             return
         if mischief.zero:
             mischief.zero, mischief.shift_ticks = False, ticks
+        if mischief.cut:
+            mischief.cut -= 1
+            unit = replace(unit, parts=tuple(part[: len(part) * 9 // 10] for part in unit.parts))
         damage = mischief.corrupt > 0
         mischief.corrupt -= damage
         ticks -= mischief.shift_ticks
@@ -281,6 +286,8 @@ class Server:
                 mischief.drop = int(count)
             case ["corrupt", count]:
                 mischief.corrupt = int(count)
+            case ["cut", count]:
+                mischief.cut = int(count)
             case ["back", seconds]:
                 mischief.shift_ticks += round(float(seconds) * CLOCK_HZ)
             case ["zero"]:

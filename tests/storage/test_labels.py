@@ -53,6 +53,10 @@ def test_a_good_file(tmp_path: Path) -> None:
         ("1,1,2,3,0,5", "width and height must be positive"),
         ("1,1,2,3,4,-5", "width and height must be positive"),
         ("9,1,2,3,4,5,1,1,1,belt", "track 1 "),
+        ("1e300,1,2,3,4,5", "beyond 1e+09"),
+        ("1,1e300,2,3,4,5", "beyond 1e+09"),
+        ("1,1,1e308,3,1e308,5", "beyond 1e+09"),
+        ("1,1,2,3,4,5,nan", "all numbers finite"),
     ],
 )
 def test_a_bad_line_is_named(tmp_path: Path, line: str, reason: str) -> None:

@@ -5,8 +5,8 @@ fell long ago. All are told to refuse (`err_detect: explode`); the rest was trie
 bytes turned over. H.264, H.265, MPEG-4 and AV1 also refuse or mark what builds on a lost picture; codecs without
 memory need not. Others go on from an old picture and say nothing: after damage they wait for the next key frame.
 Bytes that were turned over go unnoticed in H.265, VP8 and raw pictures; a network loses bytes, it does not turn them
-over. JPEG by RTP is put together by FFmpeg, which gives no picture where a packet of it was lost; what it gives ends
-with bits that a decoder told to refuse takes for damage, so a JPEG that a camera sends already cut goes unnoticed.
+over. JPEG by RTP is put together by FFmpeg, which gives no picture where a packet of it was lost; one that the camera
+itself cut is refused like any other.
 """
 
 from __future__ import annotations
@@ -20,13 +20,9 @@ _MARK_WHAT_FOLLOWS = frozenset({"h264", "hevc", "mpeg4", "av1", "libdav1d", "lib
 _REFUSES_WHOLE_ONES = frozenset({"tiff"})
 
 
-def refusing(codec: str, container: str = "") -> dict[str, str]:
-    """Options of a decoder that must not paint over damage.
-
-    None for TIFF and for JPEG that came by RTP: they would refuse pictures that are whole.
-    """
-    by_rtp = codec == "mjpeg" and container == "rtsp"
-    return {} if codec in _REFUSES_WHOLE_ONES or by_rtp else {"err_detect": "explode"}
+def refusing(codec: str) -> dict[str, str]:
+    """Options of a decoder that must not paint over damage; that of TIFF would refuse pictures that are whole."""
+    return {} if codec in _REFUSES_WHOLE_ONES else {"err_detect": "explode"}
 
 
 class PacketDecoder:

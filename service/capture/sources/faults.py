@@ -7,11 +7,14 @@ import os
 import av.error
 from av import FFmpegError
 from av.container import InputContainer
+from av.stream import Disposition
 from av.video.stream import VideoStream
 
 from lumpwatch.service.capture.sources.base import Fault, SourceError
 from lumpwatch.service.capture.sources.decoding import refusing
 
+_TEXT = frozenset({"tty", "bin", "xbin", "adf", "idf"})
+"""FFmpeg's readers of text."""
 _WORDS = {
     Fault.UNAUTHORISED: "user or password refused",
     Fault.NOT_FOUND: "no such stream",
@@ -47,16 +50,29 @@ def source_error(name: str, fault: Fault, error: FFmpegError) -> SourceError:
 
 
 def video_stream(container: InputContainer, name: str) -> VideoStream:
-    """The first video stream, ready to decode in one thread; raises SourceError(CODEC)."""
-    if not container.streams.video:
+    """The video stream, ready to decode in one thread; raises SourceError(CODEC).
+
+    The first one of a camera, of a file the one that players show. Not a cover picture, nor text: FFmpeg draws any text
+    as a film of its letters.
+    """
+    films = [one for one in container.streams.video if not one.disposition & Disposition.attached_pic]
+    if not films:
         raise SourceError(Fault.CODEC, f"{name}: holds no video stream")
-    stream = container.streams.video[0]
+    if container.format.name in _TEXT:
+        raise SourceError(Fault.CODEC, f"{name}: is text, not a video")
+    stream = films[0] if container.format.name == "rtsp" else max(films, key=_rank)
     if stream.codec_context is None:
         raise SourceError(Fault.CODEC, f"{name}: no decoder for its video stream")
     # Threads that decode frames side by side would hold each frame back by one per thread.
     stream.thread_type = "NONE"
-    stream.codec_context.options = refusing(stream.codec_context.name, container.format.name)
+    stream.codec_context.options = refusing(stream.codec_context.name)
     return stream
+
+
+def _rank(stream: VideoStream) -> tuple[bool, int]:
+    context = stream.codec_context  # None where nothing decodes it
+    area = 0 if context is None else context.width * context.height
+    return bool(stream.disposition & Disposition.default), area
 
 
 def frame_rate(stream: VideoStream) -> float | None:

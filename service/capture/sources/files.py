@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from pathlib import Path
 
 from lumpwatch.service.capture.sources.base import Fault, SourceError
@@ -18,11 +19,18 @@ def os_error(name: str, error: OSError) -> SourceError:
             return SourceError(Fault.UNREACHABLE, f"{name}: cannot be read ({error.strerror})")
 
 
+def check_regular(path: Path, name: str) -> None:
+    """Raises SourceError for a pipe or device: opening one may wait for ever, and reading it never end. And OSError."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise SourceError(Fault.CODEC, f"{name}: is a pipe, socket or device, expected a file")
+
+
 def check_file(path: Path, name: str) -> int:
     """The size in bytes of a file that can be opened; raises SourceError."""
     try:
         if path.is_dir():
             raise SourceError(Fault.CODEC, f"{name}: is a folder, expected a video file")
+        check_regular(path, name)
         with path.open("rb") as file:
             size = file.seek(0, 2)
     except OSError as error:

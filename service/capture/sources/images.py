@@ -13,7 +13,7 @@ from av import FFmpegError, VideoFrame
 from lumpwatch.service.capture.sources.assemble import Assembler
 from lumpwatch.service.capture.sources.base import Fault, SourceError
 from lumpwatch.service.capture.sources.decoding import refusing
-from lumpwatch.service.capture.sources.files import os_error
+from lumpwatch.service.capture.sources.files import check_regular, os_error
 from lumpwatch.service.capture.sources.pacing import Pacer
 from lumpwatch.service.capture.sources.pixels import SourceEncoding
 from lumpwatch.service.capture.sources.turning import Matrix, exif_matrix
@@ -104,6 +104,7 @@ class ImageSource:
 def _load(path: Path, name: str) -> tuple[VideoFrame, Matrix | None]:
     """The picture, and how its EXIF asks to turn it. Raises SourceError."""
     try:
+        check_regular(path, name)
         content = path.read_bytes()
         # From memory: FFmpeg would read a percent sign in the path as a pattern.
         with av.open(io.BytesIO(content), mode="r") as container:

@@ -54,10 +54,21 @@ class Deeds:
         """The latest deeds on a region, newest first."""
         try:
             lines = self._path.read_text(encoding="utf-8").splitlines()
-        except OSError:
+        except (OSError, UnicodeDecodeError):
             return []
-        found = (json.loads(line) for line in reversed(lines) if line)
-        return [deed for deed in found if deed["camera"] == camera and deed["roi"] in ("", roi)][:most]
+        found = (_deed(line) for line in reversed(lines))
+        return [deed for deed in found if deed.get("camera") == camera and deed.get("roi") in ("", roi)][
+            :most
+        ]
+
+
+def _deed(line: str) -> dict[str, Any]:
+    """A line of the file; empty where it is none, such as one that a power cut left half written."""
+    try:
+        found = json.loads(line)
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def listing(store: PriorStore, camera: str, roi: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import Box, LabelError, read_labels
 
@@ -74,7 +75,7 @@ def beside(video: Path, may_be_missing: bool) -> Path | None:
 def boxes_of(path: Path) -> tuple[Box, ...]:
     """The boxes of a label file, none where it is empty. Raises LabelError."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_bounded(path).decode("utf-8-sig").splitlines()
     except OSError as error:
         raise LabelError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:

@@ -34,7 +34,7 @@ def write_backtest(found: Backtest, out: Path) -> None:
         (out / "backtest.json").write_text(
             json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8"
         )
-        (out / "lumps.csv").write_text(_csv(lumps), encoding="utf-8")
+        (out / "lumps.csv").write_text(_csv(lumps), encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise LumpwatchError(f"{error.filename or out}: cannot be written ({error.strerror})") from error
 
