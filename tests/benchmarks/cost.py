@@ -16,7 +16,7 @@ from lumpwatch.service.config import CameraConfig, parse_config
 from tests.benchmarks.pipeline import FPS, make_video
 
 PAGE = Path(__file__).parents[2] / "docs" / "results" / "cost.md"
-SECONDS = 8.0
+SECONDS = 4.0
 DOES = {
     "decode": "H.264 to luma, time stamps, numbering",
     "cut": "the part that the regions look at, halved where that is enough; the thumbnail of the whole",

@@ -12,9 +12,18 @@ import numpy as np
 import pytest
 from av.video.reformatter import ColorRange
 
-from lumpwatch.service.capture.sources.shown import squared, squared_i420, usable_aspect
+from lumpwatch.service.capture.sources.shown import full_range, squared, squared_i420, usable_aspect
 from lumpwatch.service.core.frame import Frame
 from tests.capture.test_sources_files import Player
+
+
+def test_every_grey_level_by_the_formula() -> None:
+    levels = np.arange(256)
+    expected = np.clip(np.round((levels - 16) * 255 / 219), 0, 255)
+    # In rows of an odd length and with a gap between them, as a decoder's are.
+    plane = np.zeros((257, 300), np.uint8)[:, :257]
+    plane[:, :256] = levels
+    assert (full_range(plane)[:, :256] == expected).all()
 
 
 def film(path: Path, *, limited: bool, told: str = "colorprim=bt709", aspect: Fraction = Fraction(1)) -> Path:
