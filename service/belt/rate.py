@@ -44,6 +44,19 @@ def decide_hz(roi: RoiConfig, sight: SightConfig, width: int, height: int) -> fl
     return max(_SPARE * sight.least_frames / left_s, LEAST_HZ) if left_s > 0.0 else None
 
 
+def never_clear(roi: RoiConfig, sight: SightConfig, width: int, height: int) -> str | None:
+    """Why a region that is decided on as seldom as configured can never be CLEAR; None: it can. Raises ValueError."""
+    rate_hz = decide_hz(roi, sight, width, height)
+    ride = None if roi.calibration is None else ride_s(roi.calibration, width, height, roi.polygon)
+    if rate_hz is None or ride is None or rate_hz * ride > sight.least_frames:
+        return None
+    return (
+        f"decide_hz ({rate_hz:g}) gives {rate_hz * ride:.0f} frames while a lump rides across the region "
+        f"({ride:.1f} s), and CLEAR takes more than sight.least_frames ({sight.least_frames}): it will always be "
+        "BLIND (few_frames)"
+    )
+
+
 def make_pace(roi: RoiConfig, sight: SightConfig, width: int, height: int) -> Pace:
     """The pace of a region in pictures of that size; every frame where its calibration cannot be."""
     try:

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.models.roi import Image
-from lumpwatch.service.belt import make_pace, make_plane, pixels_of
+from lumpwatch.service.belt import make_pace, make_plane, never_clear, pixels_of
 from lumpwatch.service.capture import look_at
 from lumpwatch.service.cli.common import Commands, add_command, camera_of, picture_size
 from lumpwatch.service.cli.snapshot import save_picture
@@ -142,6 +142,8 @@ def _calibrations(found: _Found, camera: CameraConfig, size: tuple[int, int], *,
         assumed = "" if stated else f" (pictures of {size[0]}x{size[1]} assumed; see --size and --picture)"
         found.lines.append(f"{place}: {view}{assumed}")
         found.warnings += [f"{place}: {warning}" for warning in view.warnings]
+        if (why := never_clear(roi, camera.sight, *size)) is not None:
+            found.warnings.append(f"{place}: {why}")
 
 
 def _draw(camera: CameraConfig, picture: Image) -> None:

@@ -219,6 +219,12 @@ def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None
     console = Console(markup=False)
     console.print(table)
     console.print("most: highest existence; prior: version in use", style="dim")
+    for roi, counts in summary.rois.items():
+        if counts.paced:
+            decided = counts.frames - counts.paced
+            console.print(
+                f"{roi}: decided on {decided} of {counts.frames} frames (decide_hz)", highlight=False
+            )
     if (
         any(counts.blind["hidden"] > 0.1 * counts.frames for counts in summary.rois.values())
         and not reference

@@ -117,6 +117,7 @@ The same grey picture of 320 x 240, {background.PARTICLES:,} particles, {backgro
 
 Replay of 1920 x 1080 H.264 with one ROI takes **{whole["ratio"]:.2f}** times the CPU time of bare decoding;
 live over RTSP, with both processes and the bus, {whole["live_ratio"]:.2f} times.
+[Stage by stage](cost.md).
 
 ## Cost against particles and ROIs
 

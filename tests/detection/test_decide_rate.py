@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from lumpwatch.service.belt import camera_pace, decide_hz
+from lumpwatch.service.belt import camera_pace, decide_hz, never_clear
 from lumpwatch.service.capture.camera_process import Reducer
 from lumpwatch.service.config import CalibrationConfig, CameraConfig, RoiConfig, SightConfig
 from lumpwatch.service.core.decision import BlindReason, RoiResult
@@ -152,6 +152,17 @@ def test_the_warning_that_is_asked_leaves_less_time() -> None:
     rate = decide_hz(asked, SightConfig(), 640, 480)
     assert rate is not None
     assert rate > 50.0
+
+
+def test_a_rate_that_leaves_too_few_frames_in_a_ride_is_told() -> None:
+    for roi, told in (
+        (calibrated(1.5, decide_hz=10.0), "decide_hz (10) gives 17 frames"),  # 2.6 m at 1.5 m/s
+        (calibrated(1.5, decide_hz=15.0), None),
+        (calibrated(1.5), None),
+        (calibrated(None, decide_hz=5.0), None),
+    ):
+        why = never_clear(roi, SightConfig(), 640, 480)
+        assert why is None if told is None else why is not None and why.startswith(told)
 
 
 def test_what_reads_by_frames_is_shown_every_frame() -> None:
