@@ -72,7 +72,8 @@ milliseconds for each frame of the camera, whether it is decided on or not: by d
 second are, then every one. The work of the camera's and the monitor's process is done in one, with a bus between, as
 `lumpwatch bench` does it on your own machine; medians of {ROUNDS} rounds that take turns with bare decoding. Load
 average while it was measured: {load:.0f} on {processors} cores ({platform.machine()}). On a busy machine the times are
-longer than on an idle one; ratios suffer less.
+longer than on an idle one; ratios suffer less. What lies between `cut regions` and `filter` is divided by the clock on
+the wall, which a busy machine disturbs.
 
 | stage | what | by default | every frame |
 |---|---|---|---|
