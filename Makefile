@@ -99,7 +99,7 @@ bench: setup ## benchmarks, as ratios taken side by side
 	$(BIN)/python -m tests.benchmarks
 
 reproduce: setup ## the experiments, with tables and plots in docs/
-	$(BIN)/python -m docs.experiments --footage $(FOOTAGE)
+	$(BIN)/python -m docs.experiments --footage $(FOOTAGE) --pages
 	$(BIN)/python -m tests.reproduction
 
 docs: setup ## the generated part of the documentation

@@ -1,6 +1,6 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
-Words on the command line choose some: lumps, difficulty, real, exact, paper1, paper2, background, jpda, imm, points,
+Words on the command line choose some: lumps, difficulty, real, exact, paper1, background, jpda, imm, points,
 quality, pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
 """
 
@@ -20,7 +20,6 @@ from tests.reproduction import (  # noqa: E402
     imm,
     lumps,
     paper1,
-    paper2,
     paper3_background,
     paper3_jpda,
     pictures,
@@ -35,7 +34,6 @@ EXPERIMENTS = {
     "real": real.main,
     "exact": exact.main,
     "paper1": paper1.main,
-    "paper2": paper2.main,
     "background": paper3_background.main,
     "jpda": paper3_jpda.main,
     "imm": imm.main,

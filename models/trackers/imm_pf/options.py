@@ -51,6 +51,17 @@ class TrackerOptions:
     twin_s: float = 1.0
     """The younger of two targets that overlap for longer ends."""
 
+    touching: float = 0.1
+    """Two targets meet where their boxes share more than this part of the smaller one."""
+    clear_above: float = 0.9
+    """Visible share of a box from which it shows what its target looks like."""
+    look_s: float = 5.0
+    """Time over which the memory of a target's look fades."""
+    settled_s: float = 1.0
+    """How long two that met stand clear before they are told apart; 0: never."""
+    exchange_margin: float = 0.15
+    """They change places where that fits better by this, of sums of four colour distances (each 0 to 1)."""
+
     cover: float = 0.9
     """Part of the width and height of a box that hides what is behind it."""
     explained: float = 1.3

@@ -15,7 +15,6 @@ confirmed newborn one near its last place that looks like it takes over its id.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from math import exp
 
 import numpy as np
@@ -24,44 +23,25 @@ from numpy.typing import NDArray
 from lumpwatch.models.checks import check_rng, check_shape
 from lumpwatch.models.jdt.motion import MotionModel
 from lumpwatch.models.roi import Image
-from lumpwatch.models.state import SIZE, VX, VY, H, States, W, X, Y
+from lumpwatch.models.state import SIZE, VX, VY, H, States, X, Y
 from lumpwatch.models.trackers.foreground import Foreground
 from lumpwatch.models.trackers.imm_pf.births import candidates, outside
-from lumpwatch.models.trackers.imm_pf.filter import ImmBelief, ImmFilter, estimate, joint_weights, predict_all
+from lumpwatch.models.trackers.imm_pf.filter import ImmFilter, estimate, joint_weights, predict_all
 from lumpwatch.models.trackers.imm_pf.observation import (
     PictureGrids,
-    Reference,
     add,
-    difference,
     observe,
     paint,
     reduced,
     refer,
 )
 from lumpwatch.models.trackers.imm_pf.options import TrackerOptions
+from lumpwatch.models.trackers.imm_pf.recognition import Recognition
 from lumpwatch.models.trackers.imm_pf.size import BoxSize
+from lumpwatch.models.trackers.imm_pf.target import Target, described, overlap
 from lumpwatch.models.trackers.tracked import TrackedObject
 
 Array = NDArray[np.float64]
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class _Target:
-    id: int
-    belief: ImmBelief
-    reference: Reference
-    state: Array
-    """Mean of the particles (8,)."""
-    spread: Array
-    usual: float
-    """Appearance cost that it has when it is seen."""
-    log_odds: float
-    confirmed: bool = False
-    age_s: float = 0.0
-    weak_s: float = 0.0
-    hidden_s: float = 0.0
-    twin_s: float = 0.0
-    lost_s: float = 0.0
 
 
 class ImmPfTracker:
@@ -81,8 +61,8 @@ class ImmPfTracker:
         self._filter = ImmFilter(tuple(models), options.filter)
         self._foreground, self._rng = foreground, rng
         self._before: Image | None = None
-        self._targets: list[_Target] = []
-        self._lost: list[_Target] = []
+        self._targets: list[Target] = []
+        self._recognition = Recognition(options)
         self._last_id = 0
 
     def step(self, picture: Image, dt: float) -> tuple[TrackedObject, ...]:
@@ -109,10 +89,12 @@ class ImmPfTracker:
             raise ValueError(f"dt must be positive and finite, not {dt}")
         self._update(seen, dt)
         self._end(seen, dt)
+        confirmed = [target for target in self._targets if target.confirmed]
+        self._recognition.tell_apart(confirmed, seen, dt)
         o = self._options
         for state in candidates(seen, [target.state for target in self._targets], self._size, o):
             self._bear(seen, state)
-        return tuple(_describe(target) for target in self._targets)
+        return tuple(described(target) for target in self._targets)
 
     def _update(self, seen: PictureGrids, dt: float) -> None:
         targets, o = self._targets, self._options
@@ -146,7 +128,7 @@ class ImmPfTracker:
                 add(claimed, expected, o.cover, 1)
 
     def _correct(
-        self, target: _Target, states: States, seen: PictureGrids, others: tuple[Image, Image], dt: float
+        self, target: Target, states: States, seen: PictureGrids, others: tuple[Image, Image], dt: float
     ) -> None:
         o, before = self._options, target.belief
         covered, claimed = others
@@ -165,7 +147,7 @@ class ImmPfTracker:
         target.state, target.spread = self._sized(after.mean), after.spread
         target.belief = self._filter.resample(belief, before, self._rng)
         target.age_s += dt
-        visible = float(weights @ boxes.visible)
+        visible = target.visible = float(weights @ boxes.visible)
         if visible < o.hidden_below:
             target.hidden_s += dt
             return
@@ -178,29 +160,11 @@ class ImmPfTracker:
         target.weak_s = target.weak_s + dt if log_evidence < -o.absent_cost else 0.0
         if target.log_odds > o.confirm_log_odds and not target.confirmed:
             target.confirmed = True
-            self._recognise(target)
-
-    def _recognise(self, target: _Target) -> None:
-        """Give a newly confirmed target the id of the one that was lost here, if it looks like it."""
-        o = self._options
-        best, known = np.inf, None
-        for lost in self._lost:
-            reach = o.lost_reach * target.state[H] * (0.5 + lost.lost_s)
-            # People do not walk on unseen in one direction for long.
-            expected = lost.state[[X, Y]] + lost.state[[VX, VY]] * min(lost.lost_s, 1.0)
-            gap = float(np.hypot(*(target.state[[X, Y]] - expected))) / reach
-            apart = difference(lost.reference, target.reference)
-            if gap < 1.0 and apart < o.lost_distance and gap + apart < best:
-                best, known = gap + apart, lost
-        if known is not None:
-            self._lost.remove(known)
-            target.id = known.id
+            self._recognition.recognise(target)
 
     def _end(self, seen: PictureGrids, dt: float) -> None:
         o = self._options
-        for lost in self._lost:
-            lost.lost_s += dt
-        self._lost = [lost for lost in self._lost if lost.lost_s < o.lost_s]
+        self._recognition.forget(dt)
         kept = []
         for target in self._targets:
             target.twin_s = max(target.twin_s + (dt if self._is_twin(target) else -dt), 0.0)
@@ -215,15 +179,15 @@ class ImmPfTracker:
             if not gone:
                 kept.append(target)
             elif target.confirmed:
-                self._lost.append(target)
+                self._recognition.lose(target)
         self._targets = kept
 
-    def _is_twin(self, target: _Target) -> bool:
+    def _is_twin(self, target: Target) -> bool:
         """Whether it lies on an older, confirmed target."""
         return any(
             other.confirmed
             and (other.age_s, -other.id) > (target.age_s, -target.id)
-            and _overlap(other.state, target.state) > self._options.twin_overlap
+            and overlap(other.state, target.state) > self._options.twin_overlap
             for other in self._targets
         )
 
@@ -237,7 +201,7 @@ class ImmPfTracker:
         reference = refer(seen, state, o.observation)
         self._last_id += 1
         self._targets.append(
-            _Target(
+            Target(
                 id=self._last_id,
                 belief=belief,
                 reference=reference,
@@ -252,24 +216,3 @@ class ImmPfTracker:
         row = state[None].copy()
         self._size.fill(row)
         return np.asarray(row[0])
-
-
-def _describe(target: _Target) -> TrackedObject:
-    return TrackedObject(
-        id=target.id,
-        box=target.state[[X, Y, W, H]],
-        velocity=target.state[[VX, VY]],
-        spread=target.spread[[X, Y]],
-        existence=1.0 / (1.0 + exp(-target.log_odds)),
-        confirmed=target.confirmed,
-        model_shares=target.belief.shares.copy(),
-    )
-
-
-def _overlap(a: Array, b: Array) -> float:
-    """Intersection over union of the boxes of two states."""
-    w = min(a[X] + a[W] / 2, b[X] + b[W] / 2) - max(a[X] - a[W] / 2, b[X] - b[W] / 2)
-    h = min(a[Y] + a[H] / 2, b[Y] + b[H] / 2) - max(a[Y] - a[H] / 2, b[Y] - b[H] / 2)
-    if w <= 0.0 or h <= 0.0:
-        return 0.0
-    return float(w * h / (a[W] * a[H] + b[W] * b[H] - w * h))
