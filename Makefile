@@ -22,7 +22,7 @@ SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus promet
 ENGINE_PACKAGES := podman buildah runc catatonit debootstrap
 BASE ?= localhost/python:3.11-slim-bookworm
 
-.PHONY: help setup demo test coverage quick container figures model pictures lint format bench reproduce docs lock sbom audit system base clean
+.PHONY: help setup demo test coverage quick container figures model pictures lint format bench reproduce docs lock sbom release audit system base clean
 
 help: ## this list
 	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -66,7 +66,8 @@ model: setup ## net and score that ship, from FOOTAGE; some hours; see docs/mode
 	OMP_NUM_THREADS=1 $(BIN)/python -m lumpwatch.service.training.model_builder $(FOOTAGE) build/model service/detection/default_lump.npz
 	$(BIN)/python -m tests.reproduction.defaults
 
-pictures: setup ## the pictures of docs/console.md and docs/dashboards.md; needs Debian's prometheus and chromium
+pictures: setup ## the pictures of README, docs/console.md and docs/dashboards.md; needs Debian's prometheus and chromium
+	$(BIN)/python -m tests.reproduction.pictures
 	$(BIN)/python -m tests.console.pictures
 	$(BIN)/python -m tests.integration.pictures
 
@@ -116,6 +117,20 @@ sbom: setup ## what the image is made of, as CycloneDX, into build/sbom.json
 	@mkdir -p build
 	$(BIN)/uv tool run --from cyclonedx-bom cyclonedx-py requirements --no-validate \
 		--output-reproducible --output-file build/sbom.json deploy/container/requirements.lock
+
+# The version stands in pyproject.toml alone, and the changelog must have its section: nothing is released as "Unreleased".
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+
+release: sbom ## wheel, SBOM, changelog entry and checksums of this version, into dist/
+	@! sed -n "/^## Unreleased/,/^## [0-9]/p" CHANGELOG.md | grep -q "^- " || { echo "CHANGELOG.md: what is Unreleased needs the version as its heading first"; exit 1; }
+	@grep -q '^## $(VERSION)' CHANGELOG.md || { echo "CHANGELOG.md has no section of version $(VERSION)"; exit 1; }
+	rm -rf dist && mkdir dist
+	$(BIN)/uv build --quiet --wheel --out-dir dist
+	cp build/sbom.json dist/lumpwatch-$(VERSION)-sbom.json
+	cp deploy/container/requirements.lock dist/lumpwatch-$(VERSION)-requirements.lock
+	awk '/^## /{on = index($$0, "## $(VERSION)") == 1} on' CHANGELOG.md >dist/lumpwatch-$(VERSION)-changes.md
+	rm -f dist/.gitignore; cd dist && sha256sum lumpwatch-* >SHA256SUMS
+	@cat dist/SHA256SUMS
 
 audit: setup ## known vulnerabilities of what the image is made of; needs the advisory service
 	$(BIN)/uv tool run pip-audit --strict --require-hashes --disable-pip --progress-spinner off \

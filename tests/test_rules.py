@@ -19,7 +19,8 @@ DEPLOY = Path(__file__).parents[1] / "deploy"
 RULES = sorted((DEPLOY / "prometheus" / "rules").glob("*.yml"))
 RUNBOOKS = Path(__file__).parents[1] / "docs" / "runbooks.md"
 
-L = 'job="lumpwatch",instance="a:1",site="pit",camera="cam"'
+S = 'job="lumpwatch",instance="a:1",site="pit"'
+L = f'{S},camera="cam"'
 R = f'{L},roi="apron"'
 LUMP, SYSTEM = f'{R},class="lump"', f'{R},class="system"'
 
@@ -99,6 +100,38 @@ CASES = {
     "LumpwatchOutOfService": Case(
         {f"lumpwatch_alarm_out_of_service{{{LUMP}}}": "1x3000"},
         {f"lumpwatch_alarm_out_of_service{{{LUMP}}}": "1x2000 0x1000"},
+        at_s=44000,
+    ),
+    # Time begins at 0 here.
+    "LumpwatchCertificateEnds": Case(
+        {f'lumpwatch_certificate_expiry_timestamp_seconds{{{S},certificate="ca"}}': f"{20 * 86400}x400"},
+        {f'lumpwatch_certificate_expiry_timestamp_seconds{{{S},certificate="ca"}}': f"{40 * 86400}x400"},
+        at_s=4500,
+    ),
+    "LumpwatchCertificateEndsSoon": Case(
+        {f'lumpwatch_certificate_expiry_timestamp_seconds{{{S},certificate="ca"}}': "0x20"},
+        {f'lumpwatch_certificate_expiry_timestamp_seconds{{{S},certificate="ca"}}': f"{20 * 86400}x20"},
+    ),
+    "LumpwatchReferenceMissing": Case(
+        {f"lumpwatch_reference_version{{{L}}}": "0x400"},
+        {f"lumpwatch_reference_version{{{L}}}": "0x20 1x380"},
+        at_s=4500,
+    ),
+    "LumpwatchEvidenceTrouble": Case(
+        {f'lumpwatch_evidence_problems_total{{{L},reason="memory"}}': "0 0 1x20"},
+        {f'lumpwatch_evidence_problems_total{{{L},reason="memory"}}': "3x20"},
+    ),
+    "LumpwatchNeverProven": Case(
+        {
+            f'lumpwatch_proof_tests_total{{{R},reason="passed"}}': "0x3000",
+            f'lumpwatch_proof_tests_total{{{R},reason="inconclusive"}}': "0 2x3000",
+        },
+        {f'lumpwatch_proof_tests_total{{{R},reason="passed"}}': "0x200 1x3000"},
+        at_s=44000,
+    ),
+    "LumpwatchVersionSkew": Case(
+        {f'lumpwatch_build_info{{{S},version="{one}"}}': "1x3000" for one in ("0.1.0", "0.2.0")},
+        {f'lumpwatch_build_info{{{S},version="0.1.0"}}': "1x3000"},
         at_s=44000,
     ),
 }

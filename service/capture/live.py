@@ -50,6 +50,8 @@ class Sent:
         """One line for a person."""
         stated = "" if self.stated_fps is None else f" ({self.stated_fps:.4g} stated)"
         rate = "rate not known" if self.fps is None else f"{self.fps:.4g} frames a second{stated}"
+        if self.fps is None and self.stated_fps is not None:
+            rate = f"{self.stated_fps:.4g} frames a second stated"
         words = [f"{self.width}x{self.height}", *([self.codec] if self.codec else []), rate]
         if self.codec:
             far = (

@@ -16,7 +16,8 @@ from pydantic import BaseModel, ValidationError
 
 from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.colours import coloured, wanted
-from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, stop_on_signals
+from lumpwatch.service.cli.common import camera_of, stop_on_signals
+from lumpwatch.service.cli.options import Commands, add_actor, add_command
 from lumpwatch.service.config import BusConfig, load_config
 from lumpwatch.service.core import AlarmClass, AlarmState, printable
 from lumpwatch.service.errors import ConfigError, LumpwatchError

@@ -15,16 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.capture import open_recording
-from lumpwatch.service.cli.common import (
-    Commands,
-    add_command,
-    add_json,
-    add_loudness,
-    camera_of,
-    progress,
-    roi_of,
-    tell_json,
-)
+from lumpwatch.service.cli.common import camera_of, progress, roi_of
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, add_span, tell_json
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.offline import (
@@ -80,19 +72,19 @@ def add(commands: Commands) -> None:
         help="a lump is at the lip when its labels first name this motion model, or else at its last label "
         "(default fall)",
     )
-    parser.add_argument(
-        "--least-warning-s",
-        type=float,
-        default=1.0,
-        metavar="S",
-        help="how long before the lip a lump must be announced (default 1)",
+    add_span(
+        parser,
+        "least-warning",
+        "how long before the lip a lump must be announced",
+        default="1s",
+        older="least-warning-s",
     )
-    parser.add_argument(
-        "--tolerance-s",
-        type=float,
-        default=0.5,
-        metavar="S",
-        help="an alarm is not false this close to a labelled lump (default 0.5)",
+    add_span(
+        parser,
+        "tolerance",
+        "an alarm is not false this close to a labelled lump",
+        default="500ms",
+        older="tolerance-s",
     )
     parser.add_argument(
         "--false-alarms-per-hour",
@@ -144,8 +136,8 @@ def backtest(arguments: argparse.Namespace) -> int:
 def _terms(arguments: argparse.Namespace) -> Terms:
     for option in ("least_warning_s", "tolerance_s"):
         if not 0.0 <= getattr(arguments, option) < math.inf:
-            name = option.replace("_", "-")
-            raise ConfigError(f"--{name} {getattr(arguments, option):g}: must be finite and not negative")
+            name = option.removesuffix("_s").replace("_", "-")
+            raise ConfigError(f"--{name} {getattr(arguments, option):g}s: must be finite and not negative")
     if not 0.0 < arguments.false_alarms_per_hour < math.inf:
         raise ConfigError(
             f"--false-alarms-per-hour {arguments.false_alarms_per_hour:g}: must be finite and positive"
@@ -287,7 +279,8 @@ def _words(result: Result, found: Backtest) -> list[str]:
     lines = [
         f"{_time(found.hours)} of footage, {_time(last.quiet_h)} of it without a lump. In brackets: 95 % "
         f"intervals. Announced: at least {found.terms.least_warning_s:g} s before the lip. Warning: median | "
-        "worst tenth, 0 for a lump without any.",
+        "worst tenth, 0 for a lump without any. True, misplaced: alarms raised while a lump was there, with and "
+        "without the box on it. config.: the threshold of the configuration; advised: the recommended one.",
         f"Lip: {by_fall} lumps by the label of the fall, {len(counted) - by_fall} by their last label. Not "
         f"counted: {len(lumps) - len(counted)} lumps cut off by the video, {outside} labelled outside the ROI.",
     ]

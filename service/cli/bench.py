@@ -11,7 +11,8 @@ from pathlib import Path
 
 from lumpwatch.service.capture import record
 from lumpwatch.service.cli.camera_cost import ROUNDS, USABLE, Cost, measure_cost
-from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, progress, tell_json
+from lumpwatch.service.cli.common import camera_of, progress
+from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import PriorStore

@@ -17,13 +17,17 @@ from rich.table import Table
 from lumpwatch.models.roi import Image
 from lumpwatch.service.belt import make_pace, make_plane, never_clear, pixels_of
 from lumpwatch.service.capture import look_at
-from lumpwatch.service.cli.common import Commands, add_command, camera_of, picture_size
+from lumpwatch.service.cli.common import camera_of
+from lumpwatch.service.cli.options import Commands, add_command, picture_size
 from lumpwatch.service.cli.snapshot import save_picture
 from lumpwatch.service.config import CameraConfig, SiteConfig, load_config
 from lumpwatch.service.core import read_bounded, write_words
 from lumpwatch.service.detection import draw_belt, seen_belt
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors, check_simulations
+
+_ASSUMED = (1920, 1080)
+"""Size of pictures that nobody has seen yet."""
 
 
 def add(commands: Commands) -> None:
@@ -41,7 +45,7 @@ def add(commands: Commands) -> None:
         "--size",
         type=picture_size,
         metavar="WxH",
-        help="size of the pictures, such as 1920x1080 (default: that of --picture, or 1920x1080)",
+        help="size of the pictures, such as 1920x1080 (default: that of --picture, what --connect finds, or 1920x1080)",
     )
     parser.add_argument(
         "--camera", metavar="ID", help="of this camera only; with --picture whose picture it is"
@@ -98,16 +102,16 @@ def check(arguments: argparse.Namespace) -> int:
                 }
             )
     picture = None if arguments.picture is None else _read(arguments.picture)
-    size = arguments.size or ((1920, 1080) if picture is None else (picture.shape[1], picture.shape[0]))
+    if arguments.connect:
+        _connect(found, config, None if picture is not None else arguments.out)
+    known = arguments.size or (None if picture is None else (picture.shape[1], picture.shape[0]))
     for camera in config.cameras:
-        _calibrations(found, camera, size, stated=arguments.size is not None or picture is not None)
+        _calibrations(found, camera, known or _sent_size(found, camera.id))
     if picture is not None:
         out = arguments.out or arguments.picture.with_name(f"{arguments.picture.stem}-checked.png")
         _draw(config.cameras[0], picture)
         save_picture(out, picture)
         found.lines.append(f"{config.cameras[0].id}: drawn on the picture in {out}")
-    if arguments.connect:
-        _connect(found, config, None if picture is not None else arguments.out)
     if any(note.startswith("none") for note in notes.values()):
         found.warnings.append(
             "An untrained region knows lumps in general, not this site's: it finds fewer and raises more false alarms. "
@@ -124,8 +128,15 @@ def _check_files(config: SiteConfig) -> None:
             raise ConfigError(f"camera {camera.id}: source {camera.source.path}: no such file or folder")
 
 
-def _calibrations(found: _Found, camera: CameraConfig, size: tuple[int, int], *, stated: bool) -> None:
+def _sent_size(found: _Found, camera: str) -> tuple[int, int] | None:
+    """Size of the pictures that the source sent; None where it was not asked."""
+    sent = found.sources.get(camera)
+    return None if sent is None else (sent["width"], sent["height"])
+
+
+def _calibrations(found: _Found, camera: CameraConfig, known: tuple[int, int] | None) -> None:
     """What each calibration means in pictures of that size. Raises ConfigError where one makes no sense."""
+    size = known or _ASSUMED
     for roi, told in zip(camera.rois, (one for one in found.rois if one["camera"] == camera.id), strict=True):
         place = f"{camera.id}/{roi.id}"
         told["decide_hz"] = rate_hz = make_pace(roi, camera.sight, *size).rate_hz
@@ -139,7 +150,7 @@ def _calibrations(found: _Found, camera: CameraConfig, size: tuple[int, int], *,
             raise ConfigError(f"{place}: {error}") from error
         view = seen_belt(roi.calibration, plane, *pixels_of(roi.calibration, *size))
         told["calibration"] = asdict(view)
-        assumed = "" if stated else f" (pictures of {size[0]}x{size[1]} assumed; see --size and --picture)"
+        assumed = "" if known else f" (pictures of {size[0]}x{size[1]} assumed; --connect asks the source)"
         found.lines.append(f"{place}: {view}{assumed}")
         found.warnings += [f"{place}: {warning}" for warning in view.warnings]
         if (why := never_clear(roi, camera.sight, *size)) is not None:
@@ -153,7 +164,8 @@ def _draw(camera: CameraConfig, picture: Image) -> None:
         cv2.polylines(
             picture, [corners], isClosed=True, color=(90, 200, 110), thickness=2, lineType=cv2.LINE_AA
         )
-        write_words(picture, roi.id, (int(corners[0][0]), int(corners[0][1])), (90, 200, 110))
+        lowest = corners[corners[:, 1].argmax()]  # the metres of a calibration stand at the far end
+        write_words(picture, roi.id, (int(lowest[0]), int(lowest[1]) - 6), (90, 200, 110))
         if roi.calibration is not None:
             plane = make_plane(roi.calibration, width, height)
             draw_belt(picture, roi.calibration, plane, *pixels_of(roi.calibration, width, height))

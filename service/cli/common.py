@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import logging
@@ -15,86 +14,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
-from lumpwatch.service.core import log_level, seconds_of, whole_number
+from lumpwatch.service.core import log_level
 from lumpwatch.service.errors import ConfigError
 
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
-else:
-    Commands = object
-
 log = logging.getLogger(__name__)
-
-Command = Callable[[argparse.Namespace], int]
-
-
-def add_command(
-    commands: Commands, name: str, command: Command, help_text: str, example: str
-) -> argparse.ArgumentParser:
-    """Add one command with its help and an example."""
-    added = commands.add_parser(
-        name,
-        help=help_text,
-        description=help_text,
-        epilog=f"example:\n  {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    added.set_defaults(command=command)
-    return added
-
-
-def add_json(parser: argparse.ArgumentParser, text: str = "print what was found as JSON") -> None:
-    """Add `--json`: the facts for another program, on standard output and nothing else there."""
-    parser.add_argument("--json", action="store_true", help=text)
-
-
-def tell_json(content: object) -> None:
-    """Print it on standard output, for another program; what JSON has no number for is an error, never printed."""
-    sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
-
-
-def add_loudness(parser: argparse.ArgumentParser) -> None:
-    """Add `--quiet` and `--verbose`, which stand for levels of `LUMPWATCH_LOG_LEVEL`."""
-    group = parser.add_mutually_exclusive_group()
-    for short, name, level, text in (
-        ("-q", "--quiet", "warning", "warnings and errors alone on standard error: no progress, no log"),
-        ("-v", "--verbose", "debug", "what is being done, on standard error, in place of progress"),
-    ):
-        group.add_argument(short, name, action="store_const", const=level, dest="log_level", help=text)
-
-
-def duration(text: str) -> float:
-    """Seconds of a span with units, for argparse: 90s, 30m, 1h30m. A number alone is refused."""
-    try:
-        return seconds_of(text)
-    except ConfigError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def picture_size(text: str) -> tuple[int, int]:
-    """Width and height in pixels of a text such as 1920x1080, for argparse."""
-    width, height = (whole_number(side, _MOST_PX) for side in (*text.split("x"), "", "")[:2])
-    if text.count("x") != 1 or not (width and height and min(width, height) >= _LEAST_PX):
-        raise argparse.ArgumentTypeError(
-            f"'{text[:40]}' is not a size such as 1920x1080 ({_LEAST_PX} to {_MOST_PX} px)"
-        )
-    return width, height
-
-
-_LEAST_PX, _MOST_PX = 16, 16384
-
-
-def add_actor(parser: argparse.ArgumentParser, text: str, *, required: bool) -> None:
-    """Add `--by NAME`; the older `--actor` means the same."""
-    group = parser.add_mutually_exclusive_group(required=required)
-    group.add_argument("--by", dest="actor", default="", metavar="NAME", help=text)
-    group.add_argument("--actor", dest="actor", default="", metavar="NAME", help=argparse.SUPPRESS)
 
 
 def camera_of(config: SiteConfig, camera_id: str | None) -> CameraConfig:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from lumpwatch.service.cli.common import Commands, add_command
 from lumpwatch.service.cli.grammar import Grammar, grammar_of
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.cli.overview import GROUPS
 from lumpwatch.service.cli.shells import SHELLS
 from lumpwatch.service.errors import LumpwatchError

@@ -6,7 +6,8 @@ import argparse
 import logging
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, stop_on_signals
+from lumpwatch.service.cli.common import stop_on_signals
+from lumpwatch.service.cli.options import Commands, add_command, add_loudness
 from lumpwatch.service.config import load_config
 from lumpwatch.service.console import run_console
 from lumpwatch.service.core import log_to_stderr

@@ -17,7 +17,8 @@ from rich.console import Console
 from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.alarms import describe_alarm
 from lumpwatch.service.cli.beside import Gateway, Page
-from lumpwatch.service.cli.common import Commands, add_command, stop_on_signals
+from lumpwatch.service.cli.common import stop_on_signals
+from lumpwatch.service.cli.options import Commands, add_command, duration
 from lumpwatch.service.config import BusConfig, SiteConfig, parse_config
 from lumpwatch.service.core import LEVEL, AlarmClass, log_to_stderr
 from lumpwatch.service.protocol import AlarmEvent, SilenceWatch, StateMessage
@@ -39,11 +40,14 @@ def add(commands: Commands) -> None:
         "demo",
         demo,
         "Run the daemon on a simulated crusher feed and follow it as a bus client would.",
-        "lumpwatch demo --seconds 60",
+        "lumpwatch demo --for 60s",
     )
-    parser.add_argument(
-        "--seconds", type=float, default=0.0, help="end by itself after this long (default: Ctrl-C ends it)"
-    )
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument(
+        "--for", dest="for_s", type=duration, default=0.0, metavar="TIME",
+        help="end by itself after this long, such as 60s (default: Ctrl-C ends it)",
+    )  # fmt: skip
+    length.add_argument("--seconds", dest="for_s", type=float, default=0.0, help=argparse.SUPPRESS)
     parser.add_argument("--seed", type=int, default=SEED, help="seed of the simulated feed")
 
 
@@ -82,7 +86,7 @@ def demo(arguments: argparse.Namespace) -> int:
         file.write_text(text, encoding="utf-8")
         with as_file(files("lumpwatch.service.simulator") / "demo.prior") as prior:
             PriorStore(config.store.path).save(read_file(prior))
-        follower = _Follower(config, console, arguments.seconds, stop)
+        follower = _Follower(config, console, arguments.for_s, stop)
         with contextlib.ExitStack() as page:
 
             def begin(addresses: Addresses) -> None:

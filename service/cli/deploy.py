@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.service.cli.common import Command, Commands, add_command
+from lumpwatch.service.cli.options import Command, Commands, add_command, timeout
 from lumpwatch.service.config import site_name
 from lumpwatch.service.deployment import Bundle, DeployError, Found, Rollout, bundle, short_name
 
@@ -69,10 +69,10 @@ def _action(
 def _timeout(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout",
-        type=float,
+        type=timeout,
         default=120.0,
-        metavar="S",
-        help="how long it may take until ready (default: 120)",
+        metavar="TIME",
+        help="how long it may take until ready (default 2m)",
     )
 
 

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from lumpwatch.models.evaluation import METRICS, Scores, Tracks, tracks_of, without_ignored
 from lumpwatch.models.evaluation import evaluate as run_evaluation
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import StateLine

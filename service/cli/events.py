@@ -13,7 +13,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.service.cli.common import Commands, add_command, camera_of
+from lumpwatch.service.cli.common import camera_of
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import moment_of, printable
 from lumpwatch.service.errors import ConfigError

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.alarms import as_client
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.core import printable
 from lumpwatch.service.errors import ConfigError

@@ -7,7 +7,8 @@ import logging
 import sys
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, stop_on_signals
+from lumpwatch.service.cli.common import stop_on_signals
+from lumpwatch.service.cli.options import Commands, add_command, add_loudness
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import log_to_stderr
 from lumpwatch.service.gateway import RegisterMap, as_csv, as_json, as_table, run_gateway

@@ -1,18 +1,24 @@
-"""`lumpwatch health`: whether the daemon on this host decides, for container engines and scripts."""
+"""`lumpwatch health`: whether the daemon on this host decides, for container engines and scripts.
+
+It runs every few seconds beside the filter, so it imports nothing large: of the configuration it reads the one address.
+"""
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import urllib.error
 import urllib.request
 from http.client import HTTPException
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_json, tell_json
-from lumpwatch.service.config import SiteConfig, load_config
+from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json, timeout
 from lumpwatch.service.errors import LumpwatchError
 
+_HOST = re.compile(r"[A-Za-z0-9.-]+|\[[0-9A-Fa-f:]+\]")
+USUAL = "127.0.0.1:9464"
+"""What `telemetry.listen` is where it is left out."""
 _MOST_BYTES = 1 << 20
 _PAGES = {"live": "/livez", "ready": "/readyz", "started": "/startupz"}
 
@@ -29,15 +35,14 @@ def add(commands: Commands) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--of", choices=tuple(_PAGES), default="ready", help="what is asked (default: ready)")
     parser.add_argument(
-        "--timeout", type=float, default=2.0, metavar="S", help="seconds to wait (default: 2)"
+        "--timeout", type=timeout, default=2.0, metavar="TIME", help="how long to wait (default 2s)"
     )
     add_json(parser)
 
 
 def health(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    config = load_config(arguments.config)
-    problems = ask(config, arguments.of, arguments.timeout)
+    problems = ask(telemetry_address(arguments.config), arguments.of, arguments.timeout)
     if arguments.json:
         tell_json({"of": arguments.of, "good": not problems, "problems": problems})
         return 1 if problems else 0
@@ -45,9 +50,30 @@ def health(arguments: argparse.Namespace) -> int:
     return 1 if problems else 0
 
 
-def ask(config: SiteConfig, what: str, timeout_s: float) -> list[str]:
+def telemetry_address(path: Path) -> tuple[str, int]:
+    """Where the daemon of this configuration answers. Raises ConfigError.
+
+    A plain `telemetry.listen` is read as it stands; whatever else is in the way, the whole file is read and checked.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        tree = YAML(typ="safe").load(path)
+        telemetry = tree.get("telemetry", {})
+        host, _, port = str(telemetry.get("listen", USUAL)).rpartition(":")
+    except (OSError, ValueError, YAMLError, AttributeError):
+        host = port = ""
+    if port.isascii() and port.isdigit() and int(port) <= 65535 and _HOST.fullmatch(host):
+        return host.strip("[]"), int(port)
+    from lumpwatch.service.config import load_config
+
+    return load_config(path, secrets=False).telemetry.address
+
+
+def ask(address: tuple[str, int], what: str, timeout_s: float) -> list[str]:
     """What is wrong; empty where nothing is. Raises LumpwatchError where nobody answers sensibly."""
-    host, port = config.telemetry.address
+    host, port = address
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     url = f"http://{f'[{host}]' if ':' in host else host}:{port}{_PAGES[what]}"
     try:

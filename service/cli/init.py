@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 
@@ -58,7 +58,8 @@ def add(commands: Commands) -> None:
         commands,
         "init",
         init,
-        "Ask five questions and write a commented configuration file. Answers may be given as options.",
+        "Ask five questions and write a commented configuration file. Answers may be given as options, "
+        "or as lines of standard input.",
         "lumpwatch init site.yaml",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="file to write; it must not exist")
@@ -84,7 +85,7 @@ def init(arguments: argparse.Namespace) -> int:
         raise LumpwatchError(f"{arguments.config}: cannot be written ({error.strerror})") from error
     sys.stdout.write(
         f"{arguments.config} is written. Next: lumpwatch check {arguments.config} --connect, then draw the polygon "
-        "(docs/tutorial.md).\n"
+        "(docs/commissioning.md).\n"
     )
     return 0
 
@@ -118,8 +119,7 @@ def configuration(file: str, found: dict[str, str]) -> str:
 
 
 def _ask(question: str, usual: str) -> str:
-    if not sys.stdin.isatty():
-        return ""
-    sys.stderr.write(f"{question}{f' [{usual}]' if usual else ''}: ")
-    sys.stderr.flush()
+    if sys.stdin.isatty():
+        sys.stderr.write(f"{question}{f' [{usual}]' if usual else ''}: ")
+        sys.stderr.flush()
     return sys.stdin.readline().strip()

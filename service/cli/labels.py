@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.evidence import Evidence, EvidenceStore
@@ -31,6 +32,7 @@ def add(commands: Commands) -> None:
         help="of the alarms with a verdict and evidence",
     )
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for clips and labels")
+    add_json(parser, "print how many clips were made and left out as JSON")
 
 
 def labels(arguments: argparse.Namespace) -> int:
@@ -58,6 +60,9 @@ def labels(arguments: argparse.Namespace) -> int:
     if arguments.out.is_dir() and any(arguments.out.iterdir()):
         raise ConfigError(f"--out {arguments.out}: is not empty")
     done = export(judged, arguments.out)
+    if arguments.json:
+        tell_json({"folder": str(arguments.out), **asdict(done), "without_evidence": without})
+        return 0
     print(  # noqa: T201
         f"{done.true} true and {done.false} false alarms in {arguments.out}; left out: {done.unsure} unsure, "
         f"{done.without_track} without a track, {without} without evidence"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.lens import find_lens
-from lumpwatch.service.cli.common import Commands, add_command, add_json, picture_size, tell_json
+from lumpwatch.service.cli.options import Commands, add_command, add_json, picture_size, tell_json
 from lumpwatch.service.errors import ConfigError
 
 _MOST_OFF_PX = 4.0

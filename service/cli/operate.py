@@ -14,7 +14,8 @@ from pydantic.fields import FieldInfo
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
-from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import camera_of, roi_of
+from lumpwatch.service.cli.options import Commands, add_actor, add_command, add_json, tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmClass, AlarmRequestError, seconds_of
 from lumpwatch.service.errors import ConfigError
@@ -48,6 +49,7 @@ def _add(commands: Commands, row: Command, cli: Cli) -> None:
     )
     for name, field in _own(row).items():
         _add_field(parser, name, field)
+    add_json(parser, "print what became of the alarm as JSON")
 
 
 def _own(row: Command) -> dict[str, FieldInfo]:
@@ -87,6 +89,10 @@ def _ask(row: Command, arguments: argparse.Namespace) -> int:
     with open_client(as_client(config.bus), wait=False) as bus:
         answer = ask_one(bus, key, {name: str(value) for name, value in parameters.items()}, target)
     reply = read_answer(ActReply, answer, target)
+    if arguments.json:
+        told = reply.model_dump(mode="json", by_alias=True)
+        tell_json({"command": row.name, "camera": camera.id, "roi": roi.id, **told})
+        return 0
     changes = ", ".join(reply.changes) or "nothing to do"
     print(f"{target} {reply.alarm_class}: {changes}, now {reply.alarm}")  # noqa: T201
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from lumpwatch.service.cli.common import Commands, add_command, add_json, camera_of, roi_of, tell_json
+from lumpwatch.service.cli.common import camera_of, roi_of
+from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import summary
@@ -53,13 +55,14 @@ def add(commands: Commands) -> None:
         help="version (default: the one in use; promote, drop: the one in shadow; rollback to 0: stated defaults)",
     )
     parser.add_argument("--shadow", action="store_true", help="import: to run in shadow, not to be used")
-    add_json(parser, "print the versions as JSON (list)")
+    add_json(
+        parser,
+        "print the versions as JSON (list), or what was done and which versions are in use and in shadow",
+    )
 
 
 def priors(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if arguments.json and arguments.action != "list":
-        raise ConfigError("priors --json goes with list alone")
     config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
@@ -67,7 +70,8 @@ def priors(arguments: argparse.Namespace) -> int:
     if arguments.action == "list":
         return _list(store, camera.id, roi.id, as_json=arguments.json)
     if arguments.action in _TRIAL:
-        return _TRIAL[arguments.action](store, camera.id, roi.id, arguments.version)
+        lines = _TRIAL[arguments.action](store, camera.id, roi.id, arguments.version)
+        return _tell(arguments, store, camera.id, roi.id, lines)
     if arguments.file is None:
         raise ConfigError(f"priors {arguments.action} needs a FILE")
     if arguments.action == "import":
@@ -75,60 +79,73 @@ def priors(arguments: argparse.Namespace) -> int:
         check_owner(prior, camera.id, roi.id, str(arguments.file))
         stored = store.save(prior, shadow=arguments.shadow)
         what = "runs in shadow" if arguments.shadow else "in use"
-        print(f"{camera.id}/{roi.id}: stored as version {stored.version} and {what}")  # noqa: T201
-        return 0
-    return _write(store, camera.id, roi.id, arguments)
-
-
-def _rollback(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
-    if version is None:
-        raise ConfigError("priors rollback needs --version N")
-    if version == 0:
-        store.use_defaults(camera, roi)
-        print(f"{camera}/{roi}: the stated defaults are in use")  # noqa: T201
+        line = f"{camera.id}/{roi.id}: stored as version {stored.version} and {what}"
     else:
-        store.use(camera, roi, version)
-        print(f"{camera}/{roi}: version {version} is in use")  # noqa: T201
-    return 0
+        line = _write(store, camera.id, roi.id, arguments)
+    return _tell(arguments, store, camera.id, roi.id, [line])
 
 
-def _promote(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
-    before = store.current(camera, roi).prior
-    prior = store.promote(camera, roi, version)
-    print(  # noqa: T201
-        f"{camera}/{roi}: version {prior.version} is in use; back with "
-        f"priors rollback --version {before.version if before else 0}"
+def _tell(
+    arguments: argparse.Namespace, store: PriorStore, camera: str, roi: str, lines: Sequence[str]
+) -> int:
+    if not arguments.json:
+        print("\n".join(lines))  # noqa: T201
+        return 0
+    in_use = store.current(camera, roi).prior
+    tell_json(
+        {
+            "action": arguments.action,
+            "camera": camera,
+            "roi": roi,
+            "in_use": None if in_use is None else in_use.version,
+            "in_shadow": store.shadow_pointer(camera, roi),
+            "said": list(lines),
+        }
     )
     return 0
 
 
-def _drop(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
+def _rollback(store: PriorStore, camera: str, roi: str, version: int | None) -> Sequence[str]:
+    if version is None:
+        raise ConfigError("priors rollback needs --version N")
+    if version == 0:
+        store.use_defaults(camera, roi)
+        return [f"{camera}/{roi}: the stated defaults are in use"]
+    store.use(camera, roi, version)
+    return [f"{camera}/{roi}: version {version} is in use"]
+
+
+def _promote(store: PriorStore, camera: str, roi: str, version: int | None) -> Sequence[str]:
+    before = store.current(camera, roi).prior
+    prior = store.promote(camera, roi, version)
+    return [
+        f"{camera}/{roi}: version {prior.version} is in use; back with "
+        f"priors rollback --version {before.version if before else 0}"
+    ]
+
+
+def _drop(store: PriorStore, camera: str, roi: str, version: int | None) -> Sequence[str]:
     dropped = store.drop_shadow(camera, roi, version)
-    print(f"{camera}/{roi}: version {dropped} no longer runs in shadow")  # noqa: T201
-    return 0
+    return [f"{camera}/{roi}: version {dropped} no longer runs in shadow"]
 
 
-def _shadow(store: PriorStore, camera: str, roi: str, version: int | None) -> int:
+def _shadow(store: PriorStore, camera: str, roi: str, version: int | None) -> Sequence[str]:
     if version is not None:
         store.set_shadow(camera, roi, version)
-        print(f"{camera}/{roi}: version {version} runs in shadow")  # noqa: T201
-        return 0
+        return [f"{camera}/{roi}: version {version} runs in shadow"]
     wanted = store.shadow_pointer(camera, roi)
     if wanted is None:
-        print(f"{camera}/{roi}: no prior runs in shadow")  # noqa: T201
-        return 0
+        return [f"{camera}/{roi}: no prior runs in shadow"]
     state = read_state(store, camera, roi)
     if state is None or state.version != wanted:
-        print(f"{camera}/{roi}: version {wanted} is to run in shadow; nothing was counted yet")  # noqa: T201
-        return 0
-    print("\n".join(summary(state)))  # noqa: T201
-    return 0
+        return [f"{camera}/{roi}: version {wanted} is to run in shadow; nothing was counted yet"]
+    return list(summary(state))
 
 
 _TRIAL = {"shadow": _shadow, "promote": _promote, "drop": _drop, "rollback": _rollback}
 
 
-def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespace) -> int:
+def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespace) -> str:
     if arguments.version is not None:
         prior = store.load(camera, roi, arguments.version)
     else:
@@ -145,8 +162,7 @@ def _write(store: PriorStore, camera: str, roi: str, arguments: argparse.Namespa
             replace_file(arguments.file, encode_prior(prior))
         except OSError as error:
             raise LumpwatchError(f"{arguments.file}: cannot be written ({error.strerror})") from error
-    print(f"{camera}/{roi}: version {prior.version} -> {arguments.file}")  # noqa: T201
-    return 0
+    return f"{camera}/{roi}: version {prior.version} -> {arguments.file}"
 
 
 def _list(store: PriorStore, camera: str, roi: str, *, as_json: bool) -> int:

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
-from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import camera_of, roi_of
+from lumpwatch.service.cli.options import Commands, add_actor, add_command
 from lumpwatch.service.config import load_config
 from lumpwatch.service.protocol import Outcome, ProofResult
 

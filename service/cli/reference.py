@@ -14,19 +14,20 @@ from rich.table import Table
 
 from lumpwatch.models.picture.region import Measure
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import (
-    Commands,
-    add_command,
-    add_json,
-    add_loudness,
-    camera_of,
-    progress,
-    tell_json,
-)
+from lumpwatch.service.cli.common import camera_of, progress
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, tell_json
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import Reference, ReferenceStore
 from lumpwatch.service.training import Recording, learn_reference
+
+_MEANINGS = (
+    "bright: 95th percentile of the grey levels. saturated: share of pixels at the end of the scale. sharpness: fine "
+    "over coarse structure.",
+    "structure: structure over brightness in most tiles. strange: share of tiles that look otherwise than in this "
+    "footage. activity: change against the last seconds.",
+)
+"""Of the measures, as `lumpwatch.models.picture.region.Measure` says it."""
 
 
 def add(commands: Commands) -> None:
@@ -59,7 +60,7 @@ def add(commands: Commands) -> None:
         help="share of the time for which footage like this may be taken for unfit (default 0.001)",
     )
     parser.add_argument("--use", type=int, metavar="N", help="learn nothing, go back to stored version N")
-    add_json(parser, "print the thresholds as JSON (not with --use)")
+    add_json(parser, "print version and thresholds as JSON")
     add_loudness(parser)
 
 
@@ -69,9 +70,7 @@ def reference(arguments: argparse.Namespace) -> int:
     camera = camera_of(config, arguments.camera)
     store = ReferenceStore(config.store.path, config.store.keep_priors)
     if arguments.use is not None:
-        if arguments.json:
-            raise ConfigError("reference --json does not go with --use")
-        return _use(store, camera.id, arguments.use)
+        return _use(store, camera.id, arguments.use, as_json=arguments.json)
     if not 1e-6 <= arguments.false_share <= 0.05:
         raise ConfigError("--false-share: must be within 0.000001 and 0.05")
     if not arguments.videos:
@@ -98,11 +97,15 @@ def _recording(camera: CameraConfig, video: Path) -> Recording:
     return Recording(video.name, frames)
 
 
-def _use(store: ReferenceStore, camera: str, version: int) -> int:
+def _use(store: ReferenceStore, camera: str, version: int, *, as_json: bool) -> int:
     versions = store.versions(camera)
     if version not in versions.all():
         raise ConfigError(f"--use {version}: camera {camera} has no such version of its reference")
     versions.use(version)
+    if as_json:
+        found = store.current(camera).reference
+        tell_json(None if found is None else _record(found, ()))
+        return 0
     print(f"{camera}: reference version {version} is in use")  # noqa: T201
     return 0
 
@@ -144,4 +147,7 @@ def _print(stored: Reference) -> None:
                     f"{region.usual[measure]:.3g}",
                     f"{sign} {region.thresholds[measure]:.3g}",
                 )
-    Console(markup=False).print(table)
+    console = Console(markup=False)
+    console.print(table)
+    for line in _MEANINGS:
+        console.print(line, style="dim", highlight=False)

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
-
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, progress, roi_of
-from lumpwatch.service.config import RoiConfig, SiteConfig, load_config
-from lumpwatch.service.offline import archive, boxes_of
-from lumpwatch.service.storage import FootageArchive, Prior, PriorStore, StoreError
+from lumpwatch.service.cli.common import camera_of, progress, roi_of
+from lumpwatch.service.cli.learning import Told, add_judging, archive_of, judge, keep_footage, learn_from
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness
+from lumpwatch.service.config import load_config
+from lumpwatch.service.offline import archive
+from lumpwatch.service.storage import Prior, PriorStore
 from lumpwatch.service.training import (
+    TrainingError,
     accept,
+    confirmed_clips,
     missing_sources,
-    recorded_clip,
-    refine,
-    sources_text,
+    unboxed,
     with_choices_of,
 )
-
-_MEGABYTE = 1_000_000
 
 
 def add(commands: Commands) -> None:
@@ -32,7 +29,7 @@ def add(commands: Commands) -> None:
         "refine",
         refine_command,
         "Train a ROI anew on confirmed clips together with the footage that was kept of earlier trainings "
-        "(learning.footage_mb), and run the result in shadow beside the prior in use.",
+        "(learning.footage_mb), report on it as train does, and run the result in shadow beside the prior in use.",
         "lumpwatch refine site.yaml confirmed/*.mp4 --camera crusher-1 --roi apron",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
@@ -51,6 +48,8 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--camera", metavar="ID", help="camera of the prior (default: the only one)")
     parser.add_argument("--roi", metavar="ID", help="ROI of the prior (default: the only one)")
+    add_judging(parser)
+    add_json(parser, "print what was learned and how it was judged as JSON")
     add_loudness(parser)
 
 
@@ -59,63 +58,41 @@ def refine_command(arguments: argparse.Namespace) -> int:
     config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
     roi = roi_of(camera, arguments.roi)
-    only = camera.model_copy(update={"rois": (roi,)})
     given = archive(arguments.videos, arguments.labels, arguments.unlabelled_is_empty)
     footage = archive_of(config, camera.id, roi)
     new = {footage.identity(clip.video, clip.labels) for clip in given}
-    clips = [
-        recorded_clip(only, kept.video.name, kept.video, boxes_of(kept.labels))
-        for kept in footage.clips()
-        if kept.folder.name not in new
-    ]
-    clips += [recorded_clip(only, clip.video.name, clip.video, clip.boxes) for clip in given]
-    names = [clip.name for clip in clips]
+    kept = [clip for clip in footage.clips() if clip.folder.name not in new]
+    clips = confirmed_clips(
+        [*((clip.video, clip.labels) for clip in kept), *((clip.video, clip.labels) for clip in given)]
+    )
+    if not any(clip.boxes for clip in clips):
+        raise TrainingError("no clip has a labelled lump")
+    told = Told(arguments.json)
     store = PriorStore(config.store.path, config.store.keep_priors)
     store.check_writable(camera.id, roi.id)
-    _warn_of_what_is_missing(store.current(camera.id, roi.id).prior, names)
-    with progress("reading", None) as advance:
-        trained = refine(roi, clips, advance)
-
-    def warn_and_keep(_: Prior) -> None:
-        for warning in trained.warnings:
-            _warn(warning)
-        for clip in given:
-            keep_footage(footage, clip.video, clip.labels)
-
     before = store.current(camera.id, roi.id).prior
+    if before is not None:
+        for source in missing_sources(before.meta.source, [clip.name for clip in clips]):
+            told.warn(
+                f"{source}: version {before.version} learned from it, and it is neither given nor kept: "
+                "what only it showed is not in the new version"
+            )
+    material, trained = learn_from(camera, roi, clips, told, choosing=False)
     trained = with_choices_of(trained, None if before is None else before.learned)
-    prior = trained.as_prior(camera.id, roi, sources_text(names), datetime.now(UTC))
-    stored = accept(store, prior, warn_and_keep, shadow=True).prior
-    print(  # noqa: T201
+
+    def judged(stored: Prior) -> str | None:
+        with progress("looking for lumps without a label", None):
+            for one in unboxed(roi, material, trained.learned, range(len(kept), len(clips))):
+                told.warn(one.words(material))
+        return judge(arguments, store, roi, material, trained, stored, told)
+
+    prior = trained.as_prior(camera.id, roi, material.source, datetime.now(UTC))
+    acceptance = accept(store, prior, judged, shadow=True)
+    keep_footage(footage, clips[len(kept) :], told)
+    stored = acceptance.prior
+    told.say(
         f"{camera.id}/{roi.id}: version {stored.version} runs in shadow, learned from {len(clips)} clips with "
         f"{stored.learned.tracks} objects; promote or drop it with lumpwatch priors"
     )
+    told.done(acceptance, len(clips))
     return 0
-
-
-def archive_of(config: SiteConfig, camera: str, roi: RoiConfig) -> FootageArchive:
-    """The footage that is kept of a ROI."""
-    return FootageArchive(config.store.path, camera, roi.id, roi.learning.footage_mb * _MEGABYTE)
-
-
-def keep_footage(footage: FootageArchive, video: Path, labels: Path | None) -> None:
-    """Keep a clip that was trained on, where that is wanted, and report what had to go or cannot be kept."""
-    try:
-        for name in footage.add(video, labels, np.random.default_rng()):
-            _warn(f"{name}: let go, the footage kept is bounded by learning.footage_mb")
-    except StoreError as error:
-        _warn(str(error))  # the prior is stored: what is wrong with the footage does not undo that
-
-
-def _warn_of_what_is_missing(prior: Prior | None, names: list[str]) -> None:
-    if prior is None:
-        return
-    for source in missing_sources(prior.meta.source, names):
-        _warn(
-            f"{source}: version {prior.version} learned from it, and it is neither given nor kept: "
-            "what only it showed is not in the new version"
-        )
-
-
-def _warn(text: str) -> None:
-    sys.stderr.write(f"lumpwatch: warning: {text}\n")

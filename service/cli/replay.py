@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, add_json, add_loudness, camera_of, progress
+from lumpwatch.service.cli.common import camera_of, progress
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline
@@ -200,6 +201,12 @@ def _blind(counts: RoiSummary) -> str:
     return f"{whole} ({parts})"
 
 
+def _alarms(counts: RoiSummary) -> str:
+    """How often it was raised, and how often more was announced while it stood."""
+    again = counts.transitions["re_alarmed"]
+    return f"{counts.transitions['raised']}{f' + {again} again' if again else ''}"
+
+
 def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None:
     table = Table(title=f"{summary.video}: {summary.frames} frames, {summary.duration_s:.1f} s")
     for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "most", "prior"):
@@ -210,7 +217,7 @@ def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None
         }
         table.add_row(
             roi,
-            str(counts.transitions["raised"]),
+            _alarms(counts),
             *(share.get(name, "0 %") for name in ("LUMP", "CLEAR")),
             _blind(counts),
             f"{counts.highest_existence:.3f}",
@@ -218,7 +225,12 @@ def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None
         )
     console = Console(markup=False)
     console.print(table)
-    console.print("most: highest existence; prior: version in use", style="dim")
+    console.print(
+        "alarms: raised; again: one more lump while it stood. LUMP, CLEAR, BLIND: share of the frames. most: highest "
+        "existence; prior: version in use",
+        style="dim",
+        highlight=False,
+    )
     for roi, counts in summary.rois.items():
         if counts.paced:
             decided = counts.frames - counts.paced

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from zoneinfo import ZoneInfo
 
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import EvidenceError, EvidenceStore, read_evidence

@@ -6,7 +6,8 @@ import argparse
 import logging
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, stop_on_signals
+from lumpwatch.service.cli.common import camera_of, stop_on_signals
+from lumpwatch.service.cli.options import Commands, add_command, add_loudness
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import log_to_stderr
 from lumpwatch.service.runtime import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from lumpwatch.service.cli.common import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.config import config_schema
 from lumpwatch.service.protocol import MESSAGES, asyncapi_text, message_schema
 

@@ -6,7 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, progress
+from lumpwatch.service.cli.common import progress
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, add_span, tell_json
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.simulator import FeedSpec, write_video
 
@@ -18,14 +19,15 @@ def add(commands: Commands) -> None:
         "simulate",
         simulate,
         "Render the simulated crusher feed: video.mp4, its labels gt.txt, spec.json, and site.yaml, which watches it.",
-        'lumpwatch simulate out/feed --seconds 60 --seed 3 --set "lumps_per_minute=8&dust=0.5"',
+        'lumpwatch simulate out/feed --for 60s --seed 3 --set "lumps_per_minute=8&dust=0.5"',
     )
     parser.add_argument("out", type=Path, metavar="OUT_DIR", help="folder for the files")
-    parser.add_argument("--seconds", type=float, default=60.0, help="length (default 60)")
+    add_span(parser, "for", "length", default="60s", older="seconds")
     parser.add_argument("--seed", type=int, help="seed of everything random (default 0)")
     parser.add_argument(
         "--set", default="", metavar="QUERY", help="anything else of the feed, key=value joined by &"
     )
+    add_json(parser, "print the files as JSON")
     add_loudness(parser)
 
 
@@ -36,19 +38,23 @@ def simulate(arguments: argparse.Namespace) -> int:
         if arguments.seed < 0:
             raise ConfigError(f"--seed {arguments.seed}: must not be negative")
         spec = spec.model_copy(update={"seed": arguments.seed})
-    if not 0 < arguments.seconds < 1e6:
-        raise ConfigError(f"--seconds {arguments.seconds:g}: must be positive and at most a million")
-    frames = round(arguments.seconds * spec.fps)
+    if not 0 < arguments.for_s < 1e6:
+        raise ConfigError(f"--for {arguments.for_s:g}s: must be positive and at most a million seconds")
+    frames = round(arguments.for_s * spec.fps)
     try:
         with progress("rendering", frames) as advance:
-            written = write_video(spec, arguments.seconds, arguments.out, lambda done, _: advance(done))
+            written = write_video(spec, arguments.for_s, arguments.out, lambda done, _: advance(done))
     except ValueError as error:
-        raise ConfigError(f"--seconds {arguments.seconds:g}: {error}") from error
+        raise ConfigError(f"--for {arguments.for_s:g}s: {error}") from error
     except OSError as error:
         raise LumpwatchError(f"{arguments.out}: cannot be written ({error.strerror})") from error
     if written.site_kept:
         sys.stderr.write(
             f"lumpwatch: warning: {written.site} was there already and stays; it may not fit this feed\n"
         )
+    if arguments.json:
+        files = {name: str(getattr(written, name)) for name in ("video", "labels", "spec", "site")}
+        tell_json({**files, "seconds": arguments.for_s, "seed": spec.seed})
+        return 0
     print(f"{written.video}\n{written.labels}\n{written.spec}\n{written.site}")  # noqa: T201 - the command's output
     return 0

@@ -6,7 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, duration, progress
+from lumpwatch.service.cli.common import camera_of, progress
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, add_span, tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 
@@ -29,14 +30,7 @@ def add(commands: Commands) -> None:
         "lumpwatch record site.yaml --for 2m --out clip.mp4",
     )
     _where(parser, "clip to write (.mp4, .mkv)")
-    parser.add_argument(
-        "--for",
-        dest="for_s",
-        type=duration,
-        default=60.0,
-        metavar="TIME",
-        help="length, such as 90s or 2m (default 60s)",
-    )
+    add_span(parser, "for", "length, such as 90s or 2m", default="60s")
     add_loudness(parser)
 
 
@@ -44,6 +38,7 @@ def _where(parser: argparse.ArgumentParser, text: str) -> None:
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--camera", metavar="ID", help="camera (default: the only one)")
     parser.add_argument("--out", required=True, type=Path, metavar="FILE", help=text)
+    add_json(parser, "print what was written as JSON")
 
 
 def snapshot_command(arguments: argparse.Namespace) -> int:
@@ -53,6 +48,10 @@ def snapshot_command(arguments: argparse.Namespace) -> int:
     camera = camera_of(load_config(arguments.config), arguments.camera)
     picture = snapshot(camera)
     save_picture(arguments.out, picture)
+    if arguments.json:
+        size = {"width": picture.shape[1], "height": picture.shape[0]}
+        tell_json({"camera": camera.id, "file": str(arguments.out), **size})
+        return 0
     sys.stdout.write(f"{camera.id}: {picture.shape[1]}x{picture.shape[0]} picture in {arguments.out}\n")
     return 0
 
@@ -68,6 +67,9 @@ def record_command(arguments: argparse.Namespace) -> int:
     camera = camera_of(load_config(arguments.config), arguments.camera)
     with progress("recording (s)", round(arguments.for_s)) as advance:
         seconds = record(camera, arguments.out, arguments.for_s, lambda done_s: advance(int(done_s)))
+    if arguments.json:
+        tell_json({"camera": camera.id, "file": str(arguments.out), "seconds": seconds})
+        return 0
     sys.stdout.write(f"{camera.id}: {seconds:.1f} s in {arguments.out}\n")
     return 0
 

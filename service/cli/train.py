@@ -5,46 +5,35 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
-from lumpwatch.models.learning.learned import HistogramFit, Learned
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import Commands, add_command, add_loudness, camera_of, progress, roi_of
-from lumpwatch.service.cli.refine import archive_of, keep_footage
+from lumpwatch.service.cli.common import camera_of, progress, roi_of
+from lumpwatch.service.cli.learning import (
+    Told,
+    add_judging,
+    archive_of,
+    draw_where_wanted,
+    judge,
+    keep_footage,
+    learn_from,
+)
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, tell_json
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig, load_config
 from lumpwatch.service.errors import ConfigError
-from lumpwatch.service.offline import PlotError, draw_prior
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import Prior, PriorStore
 from lumpwatch.service.training import (
-    CANDIDATES,
-    HISTOGRAM_TRIALS,
-    TRIALS,
     Material,
     Surest,
     Trained,
-    Tried,
-    Validation,
     accept,
     accept_proposals,
-    choose,
     clips_of,
-    coverage_warnings,
-    cross_validate,
-    gather,
-    learn,
-    objection_to,
     parse_ids,
-    tempered,
+    suggest,
     to_text,
-    training_report,
-    validation_warnings,
 )
 
 
@@ -95,16 +84,7 @@ def add(commands: Commands) -> None:
         help="use it also where the cross-validation finds none of the lumps that were held out",
     )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw what was learned")
-    parser.add_argument(
-        "--report", type=Path, metavar="HTML", help="write the report here as well as beside the prior"
-    )
-    parser.add_argument(
-        "--folds",
-        type=int,
-        default=5,
-        metavar="N",
-        help="parts of the cross-validation by lump in the report; 0 for none (default 5)",
-    )
+    add_judging(parser)
     parser.add_argument(
         "--suggest",
         type=Path,
@@ -116,6 +96,7 @@ def add(commands: Commands) -> None:
         metavar="IDS",
         help="before training, turn these proposals of LABELS into labels: ids as in 1,3,4, or all",
     )
+    add_json(parser, "print what was learned and how it was judged as JSON; with --suggest what was proposed")
     add_loudness(parser)
 
 
@@ -129,7 +110,7 @@ def train(arguments: argparse.Namespace) -> int:
         return _suggest(arguments, config, camera, roi)
     if arguments.accept is not None:
         many = accept_proposals(arguments.labels, parse_ids(arguments.accept))
-        sys.stdout.write(f"{arguments.labels}: {many} accepted\n")
+        sys.stderr.write(f"{arguments.labels}: {many} accepted\n")
     return _train(arguments, config, camera, roi)
 
 
@@ -158,7 +139,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConfig, roi: RoiConfig) -> int:
-    from lumpwatch.service.training import contact_sheet, suggest
+    from lumpwatch.service.training import contact_sheet
 
     only = camera.model_copy(update={"rois": (roi,)})
     check_priors(config.model_copy(update={"cameras": (only,)}))
@@ -177,6 +158,20 @@ def _suggest(arguments: argparse.Namespace, config: SiteConfig, camera: CameraCo
     )
     sheet.write_text(page, encoding="utf-8")
     by = f"prior version {found.prior.version}" if found.prior else "the stated defaults"
+    if arguments.json:
+        tell_json(
+            {
+                "labels": str(arguments.suggest),
+                "page": str(sheet),
+                "by": by,
+                "highest_existence": surest.existence,
+                "proposals": [
+                    {"id": one.proposal.id, "first_s": one.first_s, "last_s": one.last_s}
+                    for one in suggestions
+                ],
+            }
+        )
+        return 0
     if not suggestions:
         sys.stdout.write(f"No lump proposed by {by}.\n{_without_proposals(surest, arguments.suggest)}\n")
         return 0
@@ -214,24 +209,17 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
         *zip(arguments.more[::2], arguments.more[1::2], strict=True),
     ]
     clips = clips_of(pairs, arguments.without_lumps)
-    material = gather(camera, roi, clips, lambda name, length: progress(f"reading {name}", length))
-    trained = learn(roi, material.footage, material.tracks, ", ".join(str(labels) for _, labels in pairs))
-    with progress("choosing", CANDIDATES) as advance:
-        learned, tried = choose(camera, roi, material, trained.learned, advance)
-    trained = replace(trained, learned=learned)
-    _print_choice(learned, tried)
-    histogram = isinstance(trained.learned.likelihood, HistogramFit)
-    with progress("tempering", HISTOGRAM_TRIALS if histogram else TRIALS) as advance:
-        trained = tempered(roi, material.footage, trained, advance)
+    told = Told(arguments.json)
+    material, trained = learn_from(camera, roi, clips, told, choosing=True)
     acceptance = accept(
         store,
         trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)),
-        lambda stored: _judge(arguments, store, roi, material, trained, stored),
+        lambda stored: _judged(arguments, store, roi, material, trained, stored, told),
         shadow=arguments.shadow,
         use_anyway=arguments.use_anyway,
     )
-    for clip in clips:
-        keep_footage(archive_of(config, camera.id, roi), clip.video, clip.labels)
+    keep_footage(archive_of(config, camera.id, roi), clips, told)
+    told.done(acceptance, len(clips))
     if acceptance.objection is None:
         return 0
     sys.stderr.write(
@@ -242,89 +230,14 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     return 1
 
 
-def _judge(
+def _judged(
     arguments: argparse.Namespace,
     store: PriorStore,
     roi: RoiConfig,
     material: Material,
     trained: Trained,
     stored: Prior,
+    told: Told,
 ) -> str | None:
-    """Check what was learned and write the report; what speaks against its use."""
-    _print(trained, stored)
-    if arguments.plot is not None:
-        draw_prior(stored, arguments.plot)
-    with progress("cross-validation", min(arguments.folds, len(material.lumps))) as advance:
-        validation = cross_validate(roi, material, arguments.folds, advance, trained.learned)
-    warnings = [*trained.warnings, *coverage_warnings(material, trained.learned)]
-    if validation is not None:
-        warnings += validation_warnings(validation, material)
-        sys.stdout.write(f"{_in_words(validation, material)}\n")
-    for warning in warnings:
-        sys.stderr.write(f"lumpwatch: warning: {warning}\n")
-    objection = objection_to(validation)
-    paths = [store.report_path(stored.meta.camera, roi.id, stored.version)]
-    if arguments.report is not None:
-        paths.append(arguments.report)
-    try:
-        page = training_report(stored, roi, material, validation, warnings)
-    except PlotError as error:
-        if arguments.report is not None:
-            raise
-        sys.stderr.write(f"lumpwatch: no report: {error}\n")
-        return objection
-    for path in paths:
-        path.write_text(page, encoding="utf-8")
-    sys.stdout.write(f"report: {paths[-1]}\n")
-    return objection
-
-
-def _in_words(validation: Validation, material: Material) -> str:
-    if not validation.lumps:
-        return "Held out: no lump could be judged."
-    worst = validation.hardest[0]
-    return (
-        f"Held out: {len(validation.found)} of {len(validation.whole)} lumps would be found by what the others "
-        f"teach; the hardest is {worst.lump.id} of {material.clips[worst.lump.clip].name}."
-    )
-
-
-def _print_choice(learned: Learned, tried: Sequence[Tried]) -> None:
-    fit = learned.tracker
-    if fit is None or not tried:
-        return
-    table = Table(title="chosen by (SFDA + ATA) / 2 on the training clip")
-    for heading in ("candidate", "score", "chosen"):
-        table.add_column(heading)
-    for one in tried:
-        table.add_row(one.text, f"{one.score:.3f}", "yes" if one.chosen else "")
-    Console(markup=False).print(table)
-    if fit.size is not None:
-        sys.stdout.write(
-            f"size: height = {fit.size.slope:.3f} row {fit.size.offset:+.3f} ROI heights, "
-            f"width = {fit.size.aspect:.2f} height\n"
-        )
-    noise = fit.noise
-    sys.stdout.write(
-        f"noise in a second: position {noise.position:.3f}, velocity {noise.velocity:.3f}, "
-        f"acceleration {noise.acceleration:.3f} ROI heights\n"
-    )
-
-
-def _print(trained: Trained, stored: Prior) -> None:
-    learned = trained.learned
-    table = Table(title=f"{stored.meta.camera}/{stored.meta.roi}: prior version {stored.version}")
-    for heading in ("motion model", "steps", "rate x, y (ROI heights / s²)", "noise (ROI heights / s)"):
-        table.add_column(heading)
-    for m, name in enumerate(learned.models):
-        rate = learned.rates[m]
-        table.add_row(
-            name,
-            str(learned.label_counts[m]),
-            f"{rate[0]:+.3f}, {rate[1]:+.3f}",
-            f"{learned.velocity_noise[m]:.3f}",
-        )
-    Console(markup=False).print(table)
-    if isinstance(learned.likelihood, HistogramFit) and learned.tracker is None:
-        share = learned.likelihood.evidence
-        sys.stdout.write(f"evidence: {share:g} of each frame's log likelihood ratio counts\n")
+    draw_where_wanted(arguments.plot, stored)
+    return judge(arguments, store, roi, material, trained, stored, told)

@@ -7,7 +7,7 @@ import getpass
 import sys
 from pathlib import Path
 
-from lumpwatch.service.cli.common import Commands, add_command, add_json, tell_json
+from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import UserRole, load_config
 from lumpwatch.service.console import UserFile, UsersError
 from lumpwatch.service.errors import ConfigError
@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--role", choices=[role.label for role in UserRole], help="what the user may do (add, role)"
     )
-    add_json(parser, "print the users as JSON (list)")
+    add_json(parser, "print the users as JSON, after what was done")
 
 
 def users(arguments: argparse.Namespace) -> int:
@@ -38,23 +38,21 @@ def users(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"users {arguments.what} {'takes no' if arguments.name else 'needs a'} NAME")
     if (arguments.what in ("add", "role")) != (arguments.role is not None):
         raise ConfigError("users add and users role need --role, and only they do")
-    if arguments.json and arguments.what != "list":
-        raise ConfigError("users --json goes with list alone")
     config = load_config(arguments.config)
     if config.console.users is None:
         raise ConfigError(f"{arguments.config}: console.users: names no file")
     file = UserFile(config.console.users)
-    if arguments.what == "list" and arguments.json:
+    if arguments.what == "add":
+        file.put(arguments.name, _password(arguments.name), UserRole.named(arguments.role))
+    elif arguments.what == "role":
+        file.set_role(arguments.name, UserRole.named(arguments.role))
+    elif arguments.what == "remove":
+        file.remove(arguments.name)
+    if arguments.json:
         tell_json([{"name": user.name, "role": user.role.label} for user in file.all()])
     elif arguments.what == "list":
         for user in file.all():
             sys.stdout.write(f"{user.name}  {user.role.label}\n")
-    elif arguments.what == "add":
-        file.put(arguments.name, _password(arguments.name), UserRole.named(arguments.role))
-    elif arguments.what == "role":
-        file.set_role(arguments.name, UserRole.named(arguments.role))
-    else:
-        file.remove(arguments.name)
     return 0
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
-from lumpwatch.service.cli.common import Commands, add_actor, add_command, camera_of, roi_of
+from lumpwatch.service.cli.common import camera_of, roi_of
+from lumpwatch.service.cli.options import Commands, add_actor, add_command, add_json, tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import AlarmRequestError
 from lumpwatch.service.errors import ConfigError
@@ -36,6 +37,7 @@ def add(commands: Commands) -> None:
     which.add_argument("--evidence", metavar="ID", help="the alarm of that evidence")
     add_actor(parser, "who says it; it is recorded", required=True)
     parser.add_argument("--note", default="", metavar="TEXT", help="why")
+    add_json(parser, "print what was recorded as JSON")
 
 
 def verdict(arguments: argparse.Namespace) -> int:
@@ -54,6 +56,9 @@ def verdict(arguments: argparse.Namespace) -> int:
     target, key = f"{camera.id}/{roi.id}", Keys(config.site).command(camera.id, roi.id, "verdict")
     with open_client(as_client(config.bus), wait=False) as bus:
         reply = read_answer(VerdictReply, ask_one(bus, key, asked, target), target)
+    if arguments.json:
+        tell_json({"camera": camera.id, "roi": roi.id, **reply.model_dump(mode="json", by_alias=True)})
+        return 0
     later = "" if reply.written else " (the disk is in trouble: it is written when the disk takes it again)"
     print(f"{target} alarm {reply.sequence}: {reply.verdict}{later}")  # noqa: T201
     return 0

@@ -27,7 +27,9 @@ class EvidenceConfig(Strict):
     memory_mb: _Megabytes = 128
     """Memory for the pre-roll of one camera, MiB; clips being recorded or written may take twice as much."""
     max_mb: _Megabytes = 10_000
-    """Disk space for all evidence, MiB; the oldest goes first."""
+    """Disk space for all evidence, MiB, as far as `max_share` leaves it; the oldest goes first."""
+    max_share: Annotated[float, Field(gt=0.0, le=1.0)] = 0.6
+    """Share of the store's disk that evidence takes at most: event log and priors need the rest."""
     keep_days: Days = 90.0
     """How long evidence is kept."""
     keep_judged_days: Days | None = None

@@ -43,8 +43,12 @@ class Entry:
 class EvidenceStore:
     """All evidence of a site."""
 
-    def __init__(self, store: Path) -> None:
+    def __init__(
+        self, store: Path, disk: Callable[[Path], int] = lambda path: shutil.disk_usage(path).total
+    ) -> None:
+        """`disk` gives the size of the disk under a folder, bytes."""
         self.root = store / "evidence"
+        self._disk = disk
 
     def folder(self, camera: str, roi: str, evidence: str) -> Path:
         """Where a piece of evidence lies, or would. Raises EvidenceError for what is no id."""
@@ -108,8 +112,16 @@ class EvidenceStore:
             shutil.rmtree(folder, ignore_errors=True)
         return len(stale)
 
+    def limit(self, config: EvidenceConfig) -> int:
+        """Bytes that all evidence may take on its disk. Raises OSError."""
+        folder = self.root
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        return min(config.max_mb * _MIB, int(config.max_share * self._disk(folder)))
+
     def prune(self, config: EvidenceConfig, now_s: float, judged: Callable[[Entry], bool]) -> dict[str, int]:
         """Remove what is too old or too much; how many for which reason. Raises OSError."""
+        limit = self.limit(config)
         removed = {"age": 0, "space": 0}
         kept: list[tuple[bool, Entry]] = []
         for entry in self.entries():
@@ -123,7 +135,7 @@ class EvidenceStore:
                 kept.append((marked, entry))
         size = sum(entry.size for _, entry in kept)
         for _, entry in sorted(kept, key=lambda item: item[0]):  # stable: the oldest first among each
-            if size <= config.max_mb * _MIB:
+            if size <= limit:
                 break
             removed["space"] += _remove(entry.folder)
             size -= entry.size

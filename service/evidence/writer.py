@@ -96,6 +96,7 @@ class EvidenceWriter:
         removed = self._store.clean(self._origin.camera.id)
         if removed:
             log.info("evidence: %d unfinished folders of an earlier run removed", removed)
+        self._attempt(self._tell_limit)
         self._attempt(self._prune)
         while True:
             with self._wake:
@@ -125,6 +126,16 @@ class EvidenceWriter:
         if self._last_problem:
             log.info("evidence: written again")
         self._last_problem = ""
+
+    def _tell_limit(self) -> None:
+        limit, wanted = self._store.limit(self._config), self._config.max_mb * _MIB
+        if limit < wanted:
+            log.warning(
+                "evidence: keeps at most %d MiB, %.0f %% of its disk (evidence.max_share), not max_mb, %d",
+                limit // _MIB,
+                100 * self._config.max_share,
+                self._config.max_mb,
+            )
 
     def _prune(self) -> None:
         removed = self._store.prune(self._config, self._wall(), self._judged())

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import Protocol
 
 from prometheus_client import CollectorRegistry
@@ -134,7 +135,7 @@ def run(
     registry = CollectorRegistry()
     relay = Relay()
     registry.register(relay)
-    metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path)
+    metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path, _certificates(config.bus))
     chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
     with contextlib.ExitStack() as stack:
         if "monitor" in roles:
@@ -205,6 +206,11 @@ def watch(
         readers()
         health.watched()
         stop.wait(WATCH_EVERY_S)
+
+
+def _certificates(bus: BusConfig) -> dict[str, Path]:
+    """The files of the bus whose end would end its links."""
+    return {} if bus.tls is None else {"ca": bus.tls.ca, "certificate": bus.tls.certificate}
 
 
 def _as_client(bus: BusConfig, endpoints: tuple[str, ...]) -> BusConfig:

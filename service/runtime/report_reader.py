@@ -29,6 +29,7 @@ class ReportReader:
         self._clock = clock
         self._lock = threading.Lock()
         self._newest: tuple[Report, float] | None = None
+        self._asked_to_stop = False
         self._thread = threading.Thread(target=self._read, name=f"hear {name}", daemon=True)
         self._thread.start()
 
@@ -41,6 +42,7 @@ class ReportReader:
     def ask_to_stop(self) -> None:
         """Tell the worker to end; nothing where its line is closed."""
         with self._lock, contextlib.suppress(OSError, ValueError):
+            self._asked_to_stop = True
             self._connection.send("stop")
 
     def wait_for_end(self, within_s: float) -> None:
@@ -54,7 +56,9 @@ class ReportReader:
         except EOFError:
             pass
         except OSError as error:
-            log.warning("%s: its line broke (%s)", self._name, error)
+            # A worker that ended by itself (Ctrl-C reaches it as well) left "stop" unread, which resets the line.
+            level = logging.DEBUG if self._asked_to_stop else logging.WARNING
+            log.log(level, "%s: its line broke (%s)", self._name, error)
         with self._lock:
             self._connection.close()
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
+
+from lumpwatch.service.telemetry.certificates import CertificateMetrics
 
 log = logging.getLogger(__name__)
 
@@ -15,8 +18,15 @@ log = logging.getLogger(__name__)
 class DaemonMetrics:
     """Metrics of the daemon itself."""
 
-    def __init__(self, registry: CollectorRegistry, version: str, store: Path) -> None:
-        """`store` is the folder whose disk is watched."""
+    def __init__(
+        self,
+        registry: CollectorRegistry,
+        version: str,
+        store: Path,
+        certificates: Mapping[str, Path] = MappingProxyType({}),
+    ) -> None:
+        """`store` is the folder whose disk is watched, `certificates` are the files whose end is told."""
+        CertificateMetrics(registry, certificates)
         Gauge(
             "lumpwatch_store_free_ratio", "Share of the store's disk that is free.", registry=registry
         ).set_function(lambda: _free(store))

@@ -14,7 +14,7 @@ from lumpwatch.models.learning import Track
 from lumpwatch.models.learning.clips import at_interval
 from lumpwatch.service.capture import read_frames
 from lumpwatch.service.config import CameraConfig, RoiConfig
-from lumpwatch.service.offline import short_names
+from lumpwatch.service.offline import boxes_of, short_names
 from lumpwatch.service.storage import Box, check_frames, ignored_frames, read_labels
 from lumpwatch.service.training.footage import (
     MOST_VIEWS,
@@ -97,6 +97,19 @@ def clips_of(pairs: Sequence[tuple[Path, Path]], lump_free: Sequence[Path]) -> t
         for name, (video, labels) in zip(names, pairs, strict=False)
     ]
     return (*with_lumps, *map(Clip, names[len(pairs) :], lump_free, [None] * len(lump_free)))
+
+
+def confirmed_clips(found: Sequence[tuple[Path, Path | None]]) -> tuple[Clip, ...]:
+    """Videos whose labels say all that is known: none, or an empty file, is a confirmed false alarm.
+
+    The same file name may come twice, from what was kept and from what is new. Raises LumpwatchError.
+    """
+    clips = []
+    for video, labels in found:
+        boxes = () if labels is None else boxes_of(labels)
+        left_out = frozenset() if labels is None else ignored_frames(labels)
+        clips.append(Clip(video.name, video, labels if boxes else None, boxes, left_out))
+    return tuple(clips)
 
 
 def gather(camera: CameraConfig, roi: RoiConfig, clips: tuple[Clip, ...], progress: Progress) -> Material:

@@ -439,13 +439,13 @@ def test_a_feed_is_simulated_and_learned_from(capsys: Captured, config: Path, tm
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
-        (("--seconds", "-1"), "--seconds -1"),
-        (("--seconds", "0"), "--seconds 0"),
+        (("--seconds", "-1"), "--for -1s"),
+        (("--seconds", "0"), "--for 0s"),
         (("--seed", "-1"), "--seed -1: must not be negative"),
         (("--set", "dust=2"), "sim:feed: dust: "),
         (("--set", "rocks=2"), "sim:feed: rocks: unknown key"),
         (("--set", "nonsense"), "expected key=value"),
-        *(pytest.param(("--seconds", value), f"--seconds {value}") for value in ("nan", "inf")),
+        *(pytest.param(("--seconds", value), f"--for {value}s") for value in ("nan", "inf")),
     ],
 )
 def test_what_cannot_be_simulated(

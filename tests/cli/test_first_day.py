@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -56,6 +57,16 @@ def test_five_questions_are_asked_and_their_answers_stand_in_the_file() -> None:
     assert "limit_mm: 750" in configuration("site.yaml", found)
 
 
+def test_answers_may_come_by_standard_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("south\n\nsim:feed?fps=12\n"))
+    path = tmp_path / "site.yaml"
+    assert main(["init", str(path)]) == 0
+    config = parse_config(path.read_text())
+    camera = config.cameras[0]
+    assert (config.site, camera.id, camera.source.address) == ("south", "crusher-1", "sim:feed?fps=12")
+    assert camera.rois[0].id == "apron"  # after the last line: what is usual
+
+
 @pytest.mark.parametrize("wrong", [{"limit_mm": "six"}, {"site": "no spaces please"}, {"source": "http://x"}])
 def test_an_answer_that_cannot_stand_there_is_refused(wrong: dict[str, str]) -> None:
     with pytest.raises(ConfigError):
@@ -64,7 +75,9 @@ def test_an_answer_that_cannot_stand_there_is_refused(wrong: dict[str, str]) -> 
 
 def test_a_still_and_a_clip(capsys: Captured, simulated: Path, tmp_path: Path) -> None:
     still, clip = tmp_path / "still.png", tmp_path / "clip.mp4"
-    assert "640x480" in done(capsys, "snapshot", simulated, "--out", still)
+    capsys.readouterr()
+    told = json.loads(done(capsys, "snapshot", simulated, "--out", still, "--json"))
+    assert (told["width"], told["height"], told["file"]) == (640, 480, str(still))
     picture = cv2.imread(str(still))
     assert picture is not None
     assert picture.shape == (480, 640, 3)
@@ -90,6 +103,12 @@ def test_geometry_is_drawn_on_a_picture_and_told_in_figures(capsys: Captured, tm
     view = told["rois"][0]["calibration"]
     assert 2.0 < view["camera_height_m"] < 3.0
     assert view["limit_far_px"] < view["limit_near_px"]
+    # Pictures as the source sends them are those that are meant; without them a size is assumed, and said.
+    asked = json.loads(done(capsys, "check", config, "--connect", "--json"))
+    assert asked["rois"][0]["calibration"] == view
+    assert not any("assumed" in line for line in asked["lines"])
+    assert "cam: 640x480, 15 frames a second stated" in asked["lines"]
+    assert "1920x1080 assumed" in done(capsys, "check", config).replace("\n", " ")
     picture = cv2.imread(str(drawn))
     assert picture is not None
     assert (picture != 90).any()

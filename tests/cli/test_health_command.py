@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -14,6 +16,8 @@ from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.bus import SHARED_MEMORY_MIB
 from lumpwatch.service.cli import main
+from lumpwatch.service.cli.health import telemetry_address
+from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime.preflight import check_shared_memory
 from lumpwatch.service.telemetry.http import TelemetryServer
@@ -131,3 +135,49 @@ def test_too_little_shared_memory_is_said_with_the_remedy(
     without = config.model_copy(update={"bus": config.bus.model_copy(update={"shared_memory": False})})
     check_shared_memory(without, tmp_path)
     check_shared_memory(config, tmp_path / "missing")
+
+
+def test_it_takes_no_more_than_it_needs(config: Path) -> None:
+    """It runs every few seconds beside the filter."""
+    script = (
+        "import sys; from lumpwatch.service.cli import main; code = main(['health', sys.argv[1]]); "
+        "print({'numpy', 'cv2', 'pydantic', 'rich'} & sys.modules.keys()); sys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(config)], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout == "ready\nset()\n"
+
+
+@pytest.mark.parametrize(
+    ("telemetry", "address"),
+    [
+        (None, ("127.0.0.1", 9464)),
+        ({}, ("127.0.0.1", 9464)),
+        ({"listen": "0.0.0.0:1234"}, ("0.0.0.0", 1234)),
+        ({"listen": "[::1]:1234"}, ("::1", 1234)),
+        ({"listen": "${WHERE}:1234"}, ("10.0.0.7", 1234)),
+    ],
+)
+def test_the_address_is_that_of_the_configuration(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    telemetry: dict[str, str] | None,
+    address: tuple[str, int],
+) -> None:
+    monkeypatch.setenv("WHERE", "10.0.0.7")
+    file = tmp_path / "site.yaml"
+    tree = site_tree() | ({} if telemetry is None else {"telemetry": telemetry})
+    file.write_text(json.dumps(tree))
+    assert telemetry_address(file) == address
+    assert load_config(file).telemetry.address == address
+
+
+def test_a_file_that_says_nothing_sensible_is_named(tmp_path: Path) -> None:
+    for text in ("- 1\n", "telemetry: {listen: here}\n", "{"):
+        file = tmp_path / "site.yaml"
+        file.write_text(text)
+        with pytest.raises(ConfigError, match=r"site\.yaml"):
+            telemetry_address(file)
+    with pytest.raises(ConfigError, match=r"none\.yaml"):
+        telemetry_address(tmp_path / "none.yaml")

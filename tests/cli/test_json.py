@@ -12,7 +12,7 @@ from lumpwatch.service.config import UserRole
 from lumpwatch.service.console import UserFile
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
 from lumpwatch.service.storage.prior_store import PriorStore
-from tests.cli.test_cli import Captured, done, failed
+from tests.cli.test_cli import Captured, done
 from tests.servers.clips import write_clip
 from tests.service_helpers import prior, site_tree
 from tests.storage.test_event_log import event
@@ -54,14 +54,20 @@ def test_priors(capsys: Captured, config: Path, tmp_path: Path) -> None:
     assert (first["version"], first["state"]) == (1, None)
     assert third["version"] == 3
     assert "is not a lumpwatch prior" in third["refused"]
-    assert "with list alone" in failed(capsys, "priors", "rollback", config, "--version", 1, "--json", code=2)
-    assert store.pointer("cam", "apron") == 2
+    did = told(capsys, "priors", "rollback", config, "--version", 1)
+    assert (did["in_use"], did["in_shadow"], did["said"]) == (1, None, ["cam/apron: version 1 is in use"])
+    assert store.pointer("cam", "apron") == 1
+    assert told(capsys, "priors", "shadow", config, "--version", 2)["in_shadow"] == 2
+    assert told(capsys, "priors", "promote", config)["in_use"] == 2
 
 
 def test_users(capsys: Captured, config: Path, tmp_path: Path) -> None:
     UserFile(tmp_path / "users.json").put("anna", "correct horse", UserRole.named("operator"))
     assert told(capsys, "users", config, "list") == [{"name": "anna", "role": "operator"}]
-    assert "with list alone" in failed(capsys, "users", config, "remove", "anna", "--json", code=2)
+    assert told(capsys, "users", config, "role", "anna", "--role", "viewer") == [
+        {"name": "anna", "role": "viewer"}
+    ]
+    assert told(capsys, "users", config, "remove", "anna") == []
 
 
 def test_events_are_one_a_line(capsys: Captured, config: Path, tmp_path: Path) -> None:
@@ -96,4 +102,5 @@ def test_reference(capsys: Captured, config: Path, tmp_path: Path) -> None:
     for threshold in found["lights"]["day"]["apron"].values():
         assert len(threshold.keys() & {"above", "below"}) == 1
         assert isinstance(threshold["usual"], float)
-    assert "does not go with --use" in failed(capsys, "reference", config, "--use", 1, "--json", code=2)
+    again = told(capsys, "reference", config, "--use", 1)
+    assert (again["version"], again["lights"]) == (1, found["lights"])

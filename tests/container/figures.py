@@ -95,7 +95,7 @@ def measure(site: Site) -> None:
     site.write(url=BUSY)
     up(site)
     widest, said = gaps(site)
-    print(f"bad configuration, --timeout 30: gaps {widest[0]:.1f} and {widest[1]:.1f} s; {said}")
+    print(f"bad configuration, --timeout 30s: gaps {widest[0]:.1f} and {widest[1]:.1f} s; {said}")
 
 
 def main() -> None:

@@ -141,6 +141,20 @@ def test_the_oldest_goes_where_space_is_short_and_the_judged_last(tmp_path: Path
     assert store.prune(EvidenceConfig(keep_days=0.001), NOW_S + 1e4, lambda _: True)["age"] == 3
 
 
+def test_evidence_leaves_room_on_its_disk(tmp_path: Path) -> None:
+    store = EvidenceStore(tmp_path, disk=lambda _: 10 << 20)
+    for k in range(1, 6):
+        folder = tmp_path / "evidence" / "cam" / "apron" / f"{k:015}-000001"
+        folder.mkdir(parents=True)
+        (folder / META).write_bytes(b"{}")
+        (folder / "clip.mkv").write_bytes(bytes(2 << 20))
+    config = EvidenceConfig(max_mb=10_000, max_share=0.5)
+    assert store.limit(config) == 5 << 20
+    assert store.limit(EvidenceConfig(max_mb=3)) == 3 << 20
+    assert store.prune(config, 1.0, lambda _: False) == {"age": 0, "space": 3}
+    assert [entry.id for entry in store.entries()] == [f"{k:015}-000001" for k in (4, 5)]
+
+
 def test_what_is_being_written_is_no_evidence_and_never_removed(tmp_path: Path) -> None:
     store = EvidenceStore(tmp_path)
     half = tmp_path / "evidence" / "other" / ".writing.apron.000000000000001-000001"
@@ -233,7 +247,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_disk_that_is_really_full(small_disk: Path, clip: Clip) -> None:
-    run = Run(small_disk)
+    run = Run(small_disk, max_share=1.0)
     for k in range(1, 4):
         run.writer.submit(named(clip, NOW_S + k, k))
     wait_for("given up", lambda: run.writer.waiting() == 0, 60)

@@ -357,8 +357,8 @@ def test_a_damaged_video_leaves_the_rest(folder: Path, tmp_path: Path, capsys: C
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
-        (("--least-warning-s", "-1"), "--least-warning-s -1: "),
-        (("--tolerance-s", "nan"), "--tolerance-s nan: must be finite"),
+        (("--least-warning-s", "-1"), "--least-warning -1s: "),
+        (("--tolerance-s", "nan"), "--tolerance nans: must be finite"),
         (("--false-alarms-per-hour", "0"), "--false-alarms-per-hour 0: "),
         (("--workers", "0"), "--workers 0: "),
         (("--camera", "c2"), "site.yaml: --camera c2: "),

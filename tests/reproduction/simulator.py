@@ -35,7 +35,7 @@ the tests. It is deterministic (the same options give the same bytes) and knows 
 motion model (`belt` or `fall`), visibility, longest diameter in millimetres, and time to the lip.
 
 ```sh
-lumpwatch simulate out/feed --seconds 60 --seed 3 --set "style=b&dust=0.6&night=0.5&h264_crf=36"
+lumpwatch simulate out/feed --for 60s --seed 3 --set "style=b&dust=0.6&night=0.5&h264_crf=36"
 ```
 
 In a configuration the same options stand in the address of a source, `url: "sim:feed?style=b&dust=0.6"`.

@@ -1,110 +1,41 @@
-"""Refining: clips joined into one recording, the footage that is kept for it, and the command."""
+"""Refining: learning from a pool of confirmed clips, the footage that is kept for it, and the command."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lumpwatch.models.evaluation import overlaps
 from lumpwatch.service.capture.recordings import read_frames
 from lumpwatch.service.cli import main
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core.frame import Frame
-from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
 from lumpwatch.service.storage.footage_archive import FootageArchive
-from lumpwatch.service.storage.label_file import Box, read_labels
+from lumpwatch.service.storage.label_file import read_labels
 from lumpwatch.service.storage.prior_store import PriorStore
 from lumpwatch.service.storage.versions import StoreError
-from lumpwatch.service.training.footage import TrainingError
-from lumpwatch.service.training.learner import train
-from lumpwatch.service.training.refining import (
-    PAUSE_S,
-    ConfirmedClip,
-    joined_footage,
-    recorded_clip,
-    refine,
+from lumpwatch.service.training import (
+    Material,
+    Trained,
+    confirmed_clips,
+    gather,
+    learn,
+    tempered,
+    unboxed,
 )
-from tests.service_helpers import frame, same, site, site_tree
+from lumpwatch.service.training.learner import train
+from tests.service_helpers import same, site, site_tree
 
 OF = ("cam", "apron")
 SMALL = {"working_size_px": 160, "likelihood": {"kind": "lump", "evidence": 0.8}}
 """With a given share of evidence, training does not look for it."""
-
-
-def box(number: int, track: int, model: str | None = None) -> Box:
-    return Box(number, track, 1.0, 2.0, 3.0, 4.0, model)
-
-
-def clip(
-    name: str, count: int, *boxes: Box, start_s: float = 0.0, interval_s: float = 0.1, **size: Any
-) -> ConfirmedClip:
-    frames = [frame(k, time_s=start_s + k * interval_s, **size) for k in range(count)]
-    return ConfirmedClip(name, boxes, lambda: iter(frames))
-
-
-# Joining
-
-
-def test_clips_are_joined_into_one_recording() -> None:
-    first = clip("a", 3, box(1, 7), box(2, 7), box(3, 9), start_s=5.0)
-    nothing = clip("b", 2, start_s=100.0)
-    last = clip("c", 4, box(2, 7, "belt"), box(4, 2), start_s=1.0)
-    frames, boxes = joined_footage([first, nothing, last])
-    seen = list(frames)
-    assert [one.seq for one in seen] == list(range(9))
-    # 0.2 s, a pause, 0.1 s, a pause, 0.3 s.
-    b, c = 0.2 + PAUSE_S, 0.3 + 2 * PAUSE_S
-    expected = [0.0, 0.1, 0.2, b, b + 0.1, c, c + 0.1, c + 0.2, c + 0.3]
-    assert [one.capture_s for one in seen] == pytest.approx(expected)
-    # Frames 1 to 3, 4 and 5, 6 to 9; tracks 7 and 9 of the first are 1 and 2, 2 and 7 of the last 3 and 4.
-    assert boxes == (box(1, 1), box(2, 1), box(3, 2), box(7, 4, "belt"), box(9, 3))
-
-
-def test_a_clip_of_more_frames_a_second_is_thinned() -> None:
-    """As one of before a region was decided on every second frame."""
-    fast = clip("a", 7, box(2, 3), box(3, 3), box(5, 3), interval_s=0.04)
-    slow = clip("b", 3, box(2, 1), interval_s=0.08, start_s=9.0)
-    frames, boxes = joined_footage([fast, slow])
-    pause_s = 0.24 + PAUSE_S
-    expected = [0.0, 0.08, 0.16, 0.24, pause_s, pause_s + 0.08, pause_s + 0.16]
-    assert [one.capture_s for one in frames] == pytest.approx(expected)
-    # Frames 1, 3, 5 and 7 of the first are left; its frame 2 is not.
-    assert boxes == (box(2, 1), box(3, 1), box(6, 2))
-
-
-@pytest.mark.parametrize(
-    ("other", "told"),
-    [
-        (clip("b", 5, size=(48, 32)), "b: .*48x32, a .*96x64"),
-        (clip("b", 5, interval_s=0.14), r"a: .*10\.0 .*another clip 7\.1"),
-        (clip("b", 1), "b: has fewer than two frames"),
-        (clip("b", 5, interval_s=0.0), "b: .*time stamps"),
-        (clip("b", 5, box(6, 1)), r"b: .*frame 6\b.*5"),
-    ],
-)
-def test_clips_that_do_not_go_together(other: ConfirmedClip, told: str) -> None:
-    with pytest.raises(LumpwatchError, match=told):
-        joined_footage([clip("a", 5, box(1, 1)), other])
-
-
-def test_a_clip_that_cannot_be_read_is_named() -> None:
-    def broken() -> list[Frame]:
-        raise LumpwatchError("cannot be read")
-
-    with pytest.raises(TrainingError, match="b: cannot be read"):
-        joined_footage([clip("a", 5), ConfirmedClip("b", (), broken)])
-
-
-def test_false_alarms_alone_teach_nothing() -> None:
-    roi = site(site_tree()).cameras[0].rois[0]
-    with pytest.raises(TrainingError, match="labelled lump"):
-        refine(roi, [clip("a", 5), clip("b", 5)])
 
 
 # Learning from the pool
@@ -117,14 +48,22 @@ class Feeds:
     videos: tuple[Path, Path]
     empty: Path
     tree: dict[str, Any]
+    learned: dict[tuple[int, ...], tuple[Material, Trained]] = field(default_factory=dict)
 
     @property
     def camera(self) -> CameraConfig:
         return site(self.tree).cameras[0]
 
-    def clip(self, k: int) -> ConfirmedClip:
-        video = self.videos[k]
-        return recorded_clip(self.camera, video.name, video, read_labels(video.with_suffix(".txt")))
+    def learn(self, *chosen: int) -> tuple[Material, Trained]:
+        """From those of the clips with lumps, as the command does; once for all tests."""
+        if chosen in self.learned:
+            return self.learned[chosen]
+        found = [(self.videos[k], self.videos[k].with_suffix(".txt")) for k in chosen]
+        roi = self.camera.rois[0]
+        material = gather(self.camera, roi, confirmed_clips(found), lambda *_: nullcontext(lambda _: None))
+        trained = learn(roi, material.footage, material.tracks, "the clips")
+        self.learned[chosen] = material, tempered(roi, material.footage, trained)
+        return self.learned[chosen]
 
 
 @pytest.fixture(scope="module")
@@ -148,26 +87,43 @@ def test_one_clip_teaches_what_training_on_it_does(feeds: Feeds) -> None:
     roi, video = feeds.camera.rois[0], feeds.videos[0]
     frames, _ = read_frames(feeds.camera, video)
     once = train(roi, frames, read_labels(video.with_suffix(".txt")), Path("gt.txt"), video.name)
-    again = refine(roi, [feeds.clip(0)])
+    _, again = feeds.learn(0)
     assert again.learned.tracks == once.learned.tracks
     assert np.array_equal(again.learned.label_counts, once.learned.label_counts)
     assert again.frames == once.frames
     for name in ("rates", "velocity_noise", "joint", "births"):
-        # Time stamps are moved to begin at 0, which is rounding and nothing else.
         assert np.allclose(getattr(again.learned, name), getattr(once.learned, name), atol=1e-6), name
 
 
 @pytest.mark.slow
 def test_nothing_is_forgotten(feeds: Feeds) -> None:
     """The model of each step is given in the labels, so its counts add up exactly."""
-    roi = feeds.camera.rois[0]
-    one, other = (refine(roi, [feeds.clip(k)]).learned for k in (0, 1))
-    both = refine(roi, [feeds.clip(0), feeds.clip(1)]).learned
+    one, other, both = (feeds.learn(*chosen)[1].learned for chosen in ((0,), (1,), (0, 1)))
     assert np.array_equal(both.label_counts, one.label_counts + other.label_counts)
     assert both.tracks == one.tracks + other.tracks
     low, high = (pick(one.profile.mean, other.profile.mean) for pick in (np.minimum, np.maximum))
     middle = both.profile.mean[:, 2:].mean()
     assert low[:, 2:].mean() - 0.05 <= middle <= high[:, 2:].mean() + 0.05
+
+
+@pytest.mark.slow
+def test_a_lump_that_nobody_boxed_is_told(feeds: Feeds, tmp_path: Path) -> None:
+    roi = feeds.camera.rois[0]
+    material, trained = feeds.learn(0)
+    assert unboxed(roi, material, trained.learned, [0]) == ()
+    assert unboxed(roi, material, trained.learned, []) == ()
+    longest = max(material.lumps, key=lambda lump: sum(len(track.frames) for track in lump.tracks))
+    rows = feeds.videos[0].with_suffix(".txt").read_text().splitlines(keepends=True)
+    kept = tmp_path / "some.txt"
+    kept.write_text("".join(row for row in rows if row.split(",")[1] != str(longest.id)))
+    clips = confirmed_clips([(feeds.videos[0], kept)])
+    some = gather(feeds.camera, roi, clips, lambda *_: nullcontext(lambda _: None))
+    (found,) = unboxed(roi, some, trained.learned, [0])
+    assert found.lasts_s >= 0.5
+    boxes = [row.split(",") for row in rows if row.split(",")[1] == str(longest.id)]
+    x, y, w, h = next(map(float, row[2:6]) for row in boxes if int(row[0]) == found.first_frame)
+    assert overlaps(np.array([found.box]), np.array([[x, y, w, h]]))[0, 0] > 0.3
+    assert f"morning.mp4: from frame {found.first_frame} on" in found.words(some)
 
 
 # The footage that is kept
@@ -267,6 +223,8 @@ def test_train_then_refine_runs_in_shadow(
     out, err = capsys.readouterr()
     assert "version 2 runs in shadow, learned from 3 clips" in out
     assert "it is neither given nor kept" not in err
+    assert "Held out: " in out
+    assert store.report_path(*OF, 2).read_text().count("evening.mp4") > 0
     in_use, shadow = store.current(*OF).prior, store.shadow(*OF).prior
     assert in_use is not None
     assert shadow is not None
@@ -279,9 +237,12 @@ def test_train_then_refine_runs_in_shadow(
     for one in kept.clips():
         if one.video.name == "morning.mp4":
             one.labels.unlink()
-    assert main(["refine", str(config), evening, *of]) == 0
+    assert main(["refine", str(config), evening, *of, "--folds", "0", "--json"]) == 0
     out, err = capsys.readouterr()
-    assert "learned from 2 clips" in out
+    told = json.loads(out)
+    assert (told["version"], told["clips"], told["objection"]) == (3, 2, None)
+    assert told["report"] == str(store.report_path(*OF, 3))
+    assert any("neither given nor kept" in warning for warning in told["warnings"])
     assert "morning.mp4: version 1 learned from it, and it is neither given nor kept" in err
     assert not same(store.shadow(*OF).prior, replace(shadow, version=3))
 
