@@ -122,17 +122,14 @@ CASES = {
         {f'lumpwatch_evidence_problems_total{{{L},reason="memory"}}': "3x20"},
     ),
     "LumpwatchNeverProven": Case(
-        {
-            f'lumpwatch_proof_tests_total{{{R},reason="passed"}}': "0x3000",
-            f'lumpwatch_proof_tests_total{{{R},reason="inconclusive"}}': "0 2x3000",
-        },
-        {f'lumpwatch_proof_tests_total{{{R},reason="passed"}}': "0x200 1x3000"},
-        at_s=44000,
+        {SEES: "0x400"},
+        {SEES: "0x400", f"lumpwatch_proof_test_age_seconds{{{R}}}": "0+15x400"},
+        at_s=4500,
     ),
     "LumpwatchVersionSkew": Case(
-        {f'lumpwatch_build_info{{{S},version="{one}"}}': "1x3000" for one in ("0.1.0", "0.2.0")},
-        {f'lumpwatch_build_info{{{S},version="0.1.0"}}': "1x3000"},
-        at_s=44000,
+        {f'lumpwatch_build_info{{{S},version="{one}"}}': "1x600" for one in ("0.1.0", "0.2.0")},
+        {f'lumpwatch_build_info{{{S},version="0.1.0"}}': "1x600"},
+        at_s=7500,
     ),
 }
 
