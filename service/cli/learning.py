@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -166,11 +166,14 @@ def archive_of(config: SiteConfig, camera: str, roi: RoiConfig) -> FootageArchiv
     return FootageArchive(config.store.path, camera, roi.id, roi.learning.footage_mb * _MEGABYTE)
 
 
-def keep_footage(footage: FootageArchive, clips: Sequence[Clip], told: Told) -> None:
-    """Keep clips that were trained on, where that is wanted, and report what had to go or cannot be kept."""
-    for clip in clips:
+def keep_footage(footage: FootageArchive, clips: Iterable[tuple[Path, Path | None]], told: Told) -> None:
+    """Keep clips that were trained on, with their labels as they were given, where that is wanted.
+
+    What had to go for them, or cannot be kept, is told.
+    """
+    for video, labels in clips:
         try:
-            for name in footage.add(clip.video, clip.labels, np.random.default_rng()):
+            for name in footage.add(video, labels, np.random.default_rng()):
                 told.warn(f"{name}: let go, the footage kept is bounded by learning.footage_mb")
         except StoreError as error:
             told.warn(str(error))  # the prior is stored: what is wrong with the footage does not undo that

@@ -62,9 +62,8 @@ def refine_command(arguments: argparse.Namespace) -> int:
     footage = archive_of(config, camera.id, roi)
     new = {footage.identity(clip.video, clip.labels) for clip in given}
     kept = [clip for clip in footage.clips() if clip.folder.name not in new]
-    clips = confirmed_clips(
-        [*((clip.video, clip.labels) for clip in kept), *((clip.video, clip.labels) for clip in given)]
-    )
+    confirmed = [(clip.video, clip.labels) for clip in given]
+    clips = confirmed_clips([*((clip.video, clip.labels) for clip in kept), *confirmed])
     if not any(clip.boxes for clip in clips):
         raise TrainingError("no clip has a labelled lump")
     told = Told(arguments.json)
@@ -88,7 +87,7 @@ def refine_command(arguments: argparse.Namespace) -> int:
 
     prior = trained.as_prior(camera.id, roi, material.source, datetime.now(UTC))
     acceptance = accept(store, prior, judged, shadow=True)
-    keep_footage(footage, clips[len(kept) :], told)
+    keep_footage(footage, confirmed, told)
     stored = acceptance.prior
     told.say(
         f"{camera.id}/{roi.id}: version {stored.version} runs in shadow, learned from {len(clips)} clips with "

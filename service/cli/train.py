@@ -218,7 +218,7 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
         shadow=arguments.shadow,
         use_anyway=arguments.use_anyway,
     )
-    keep_footage(archive_of(config, camera.id, roi), clips, told)
+    keep_footage(archive_of(config, camera.id, roi), ((clip.video, clip.labels) for clip in clips), told)
     told.done(acceptance, len(clips))
     if acceptance.objection is None:
         return 0

@@ -208,7 +208,9 @@ def test_train_then_refine_runs_in_shadow(
     feeds: Feeds, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tree = json.loads(json.dumps(feeds.tree))
-    tree["cameras"][0]["rois"][0]["learning"] = {"footage_mb": 50}
+    # What refining does is the same for either likelihood, and this one is learned in a moment.
+    quick = SMALL | {"likelihood": {"kind": "histogram", "evidence": 0.5}}
+    tree["cameras"][0]["rois"][0] |= {"learning": {"footage_mb": 50}, "detector": quick}
     config = tmp_path / "site.yaml"
     config.write_text(json.dumps(tree))
     of = ("--camera", "cam", "--roi", "apron")
@@ -219,7 +221,7 @@ def test_train_then_refine_runs_in_shadow(
     more = ("--without-lumps", str(feeds.empty), "--folds", "0")
     assert main(["train", str(config), morning, labels, *of, *more]) == 0
     capsys.readouterr()
-    assert main(["refine", str(config), evening, *of]) == 0
+    assert main(["refine", str(config), evening, *of, "--folds", "2"]) == 0
     out, err = capsys.readouterr()
     assert "version 2 runs in shadow, learned from 3 clips" in out
     assert "it is neither given nor kept" not in err
