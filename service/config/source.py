@@ -105,7 +105,8 @@ class SourceConfig(Strict):
     """One source of frames: an RTSP stream, a video file, a folder of images, or the simulated feed."""
 
     url: SecretStr
-    """`rtsp://…`, a path to a video file or a folder of images, or `sim:feed?lumps_per_minute=8`."""
+    """`rtsp://…`, a path to a video file or a folder of images, or `sim:feed?lumps_per_minute=8`. A relative path
+    counts from the working directory, and from the configuration's folder where only there is such a file."""
     transport: Literal["tcp", "udp"] = "tcp"
     """How RTP travels (RTSP only)."""
     tls: CameraTlsConfig = CameraTlsConfig()
@@ -162,10 +163,16 @@ class SourceConfig(Strict):
         return self
 
     def under(self, folder: Path) -> SourceConfig:
-        """The same with the authorities' file taken from `folder`."""
-        if self.tls.ca is None:
-            return self
-        return self.model_copy(update={"tls": CameraTlsConfig(ca=folder / self.tls.ca)})
+        """The same with the authorities' file taken from `folder`, and a film or folder that is only there."""
+        changed: dict[str, object] = {}
+        if self.tls.ca is not None:
+            changed["tls"] = CameraTlsConfig(ca=folder / self.tls.ca)
+        if self.kind in ("video", "images"):
+            beside = folder / self.path
+            # os.path answers False where a folder on the way may not be read, and for what no path can be.
+            if not os.path.exists(self.path) and os.path.exists(beside):  # noqa: PTH110
+                changed["url"] = SecretStr(str(beside))
+        return self.model_copy(update=changed)
 
     @property
     def longest_silence_s(self) -> float:

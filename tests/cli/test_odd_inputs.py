@@ -13,6 +13,7 @@ import pytest
 
 from lumpwatch.service.cli import main
 from lumpwatch.service.cli.alarms import read_answer
+from lumpwatch.service.config import load_config
 from lumpwatch.service.console.work.trials import Deeds
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.offline.html import html_text
@@ -130,3 +131,16 @@ def test_a_store_that_takes_nothing_is_named_before_the_work(
     video = str(tmp_path / "clip.mp4")
     labels = [str(tmp_path / "clip.txt")] if what == "train" else []
     assert "cannot be written (Not a directory)" in refused(capsys, what, config, video, *labels)
+
+
+def test_a_film_beside_its_configuration_is_found_from_anywhere(
+    config: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert load_config(Path(config)).cameras[0].source.path == Path("clip.mp4"), "nowhere yet"
+    (tmp_path / "clip.mp4").touch()
+    assert load_config(Path(config)).cameras[0].source.path == tmp_path / "clip.mp4"
+    (elsewhere / "clip.mp4").touch()
+    assert load_config(Path(config)).cameras[0].source.path == Path("clip.mp4")
