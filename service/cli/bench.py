@@ -12,7 +12,7 @@ from pathlib import Path
 from lumpwatch.service.capture import record
 from lumpwatch.service.cli.camera_cost import ROUNDS, USABLE, Cost, measure_cost
 from lumpwatch.service.cli.common import camera_of, progress
-from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
+from lumpwatch.service.cli.options import Commands, add_command, add_json, add_span, tell_json
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import PriorStore
@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
         "bench",
         bench,
         "Measure what each camera takes of this machine, and how many such cameras it carries.",
-        "lumpwatch bench site.yaml --seconds 20",
+        "lumpwatch bench site.yaml --for 20s",
     )
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--camera", metavar="ID", help="this camera only")
@@ -43,16 +43,14 @@ def add(commands: Commands) -> None:
         metavar="FILE",
         help="measure on this file, as the camera sends it (default: a clip is taken of the source)",
     )
-    parser.add_argument(
-        "--seconds", type=float, default=10.0, metavar="S", help="length that is measured (default: 10)"
-    )
+    add_span(parser, "for", "length that is measured", default="10s", older="seconds")
     add_json(parser)
 
 
 def bench(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if not 2.0 <= arguments.seconds <= 600.0:
-        raise ConfigError(f"--seconds {arguments.seconds:g}: expected 2 to 600")
+    if not 2.0 <= arguments.for_s <= 600.0:
+        raise ConfigError(f"--for {arguments.for_s:g}s: expected 2s to 10m")
     config = load_config(arguments.config, secrets=arguments.video is None)
     cameras = (camera_of(config, arguments.camera),) if arguments.camera else config.cameras
     store = PriorStore(config.store.path, config.store.keep_priors)
@@ -63,7 +61,7 @@ def bench(arguments: argparse.Namespace) -> int:
             clip = _clip(camera, arguments, Path(folder), notes)
             priors = {roi.id: store.current(camera.id, roi.id).prior for roi in camera.rois}
             with progress(f"measure {camera.id}", ROUNDS) as advance:
-                costs[camera.id] = measure_cost(camera, priors, clip, arguments.seconds, advance)
+                costs[camera.id] = measure_cost(camera, priors, clip, arguments.for_s, advance)
     _tell(costs, notes, as_json=arguments.json)
     return 0
 
@@ -75,8 +73,8 @@ def _clip(camera: CameraConfig, arguments: argparse.Namespace, folder: Path, not
     if camera.source.kind == "video":
         return camera.source.path
     path = folder / f"{camera.id}.mp4"
-    with progress(f"record {camera.id}", round(arguments.seconds)) as advance:
-        record(camera, path, arguments.seconds, lambda done_s: advance(round(done_s)))
+    with progress(f"record {camera.id}", round(arguments.for_s)) as advance:
+        record(camera, path, arguments.for_s, lambda done_s: advance(round(done_s)))
     if camera.source.kind != "rtsp":
         notes.append(
             f"{camera.id}: its source sends no coded video; it was coded as H.264, as a camera would send it"

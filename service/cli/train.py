@@ -110,7 +110,8 @@ def train(arguments: argparse.Namespace) -> int:
         return _suggest(arguments, config, camera, roi)
     if arguments.accept is not None:
         many = accept_proposals(arguments.labels, parse_ids(arguments.accept))
-        sys.stderr.write(f"{arguments.labels}: {many} accepted\n")
+        if not arguments.json:
+            sys.stdout.write(f"{arguments.labels}: {many} accepted\n")
     return _train(arguments, config, camera, roi)
 
 

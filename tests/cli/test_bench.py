@@ -35,7 +35,7 @@ def site_file(folder: Path, source: str) -> Path:
 
 def test_it_measures_the_chain_on_a_clip(tmp_path: Path, capsys: Captured) -> None:
     clip = write_clip(tmp_path / "clip.mp4", frames=50, fps=25.0)
-    told = json.loads(done(capsys, "bench", site_file(tmp_path, str(clip)), "--seconds", 2, "--json"))
+    told = json.loads(done(capsys, "bench", site_file(tmp_path, str(clip)), "--for", "2s", "--json"))
     cost = told["cameras"]["cam"]
     assert (cost["width"], cost["height"], cost["fps"]) == (96, 64, pytest.approx(25.0))
     assert cost["decided_hz"] == pytest.approx(12.5, abs=1.0)  # every second frame, at 10 a second or more
@@ -50,6 +50,6 @@ def test_it_measures_the_chain_on_a_clip(tmp_path: Path, capsys: Captured) -> No
 def test_what_cannot_be_measured_is_said(tmp_path: Path, capsys: Captured) -> None:
     site = site_file(tmp_path, str(tmp_path / "none.mp4"))
     assert "no such file" in failed(capsys, "bench", site, code=1)
-    assert "expected 2 to 600" in failed(capsys, "bench", site, "--seconds", 1, code=2)
+    assert "expected 2s to 10m" in failed(capsys, "bench", site, "--for", "1s", code=2)
     short = write_clip(tmp_path / "short.mp4", frames=5)
     assert "too few" in failed(capsys, "bench", site, "--video", short, code=1)

@@ -19,6 +19,7 @@ def parsed(*arguments: str) -> argparse.Namespace:
         (("simulate", "out", "--for", "1m30s"), "for_s", 90.0),
         (("simulate", "out", "--seconds", "90"), "for_s", 90.0),
         (("simulate", "out"), "for_s", 60.0),
+        (("bench", "a.yaml", "--for", "20s"), "for_s", 20.0),
         (("demo", "--for", "60s"), "for_s", 60.0),
         (("demo", "--seconds", "0"), "for_s", 0.0),
         (("record", "a.yaml", "--out", "a.mp4", "--for", "2m"), "for_s", 120.0),
