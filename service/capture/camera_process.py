@@ -123,7 +123,7 @@ class Reducer:
         self._pace = camera_pace(self._camera, *self._size)
         try:
             self._rois = tuple(
-                make_roi(roi.polygon, *self._size, roi.detector.working_size_px) for roi in self._camera.rois
+                make_roi(roi.polygon, *self._size, roi.working_size_px) for roi in self._camera.rois
             )
         except ValueError:
             self._rois = ()

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from lumpwatch.service.capture import open_recording
-from lumpwatch.service.cli.common import camera_of, progress, roi_of
+from lumpwatch.service.cli.common import belt_of, camera_of, progress
 from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, add_span, tell_json
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
@@ -164,7 +164,7 @@ def _setup(name: str, path: Path, camera_id: str | None, roi_id: str | None) -> 
 
 def _chosen(name: str, config: SiteConfig, camera_id: str | None, roi_id: str | None) -> Setup:
     camera = camera_of(config, camera_id)
-    roi = roi_of(camera, roi_id)
+    roi = belt_of(camera, roi_id)
     camera = camera.model_copy(update={"rois": (roi,)})
     check_priors(config.model_copy(update={"cameras": (camera,)}))
     store = PriorStore(config.store.path, config.store.keep_priors)

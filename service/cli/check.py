@@ -97,7 +97,7 @@ def check(arguments: argparse.Namespace) -> int:
                     "camera": camera.id,
                     "source": camera.source.redacted,
                     "roi": roi.id,
-                    "detector": roi.detector.summary,
+                    "detector": "mouth" if roi.watches_mouth else roi.detector.summary,
                     "prior": notes[camera.id, roi.id],
                 }
             )

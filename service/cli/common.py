@@ -45,7 +45,19 @@ def roi_of(camera: CameraConfig, roi_id: str | None) -> RoiConfig:
         raise ConfigError(f"--roi {roi_id}: camera {camera.id} does not have it (has {known})") from None
 
 
+def belt_of(camera: CameraConfig, roi_id: str | None) -> RoiConfig:
+    """Like `roi_of`, of those that look for lumps: a mouth is neither trained nor backtested."""
+    if roi_id is None:
+        roi_id = _only("--roi", [roi.id for roi in camera.rois if not roi.watches_mouth])
+    roi = roi_of(camera, roi_id)
+    if roi.watches_mouth:
+        raise ConfigError(f"--roi {roi.id}: watches a mouth (watch: mouth), which looks for no lumps")
+    return roi
+
+
 def _only(option: str, ids: list[str]) -> str:
+    if not ids:
+        raise ConfigError(f"{option}: no roi of this camera looks for lumps")
     if len(ids) > 1:
         raise ConfigError(f"{option} is needed to choose one of {', '.join(ids)}")
     return ids[0]

@@ -6,7 +6,7 @@ import argparse
 from datetime import UTC, datetime
 from pathlib import Path
 
-from lumpwatch.service.cli.common import camera_of, progress, roi_of
+from lumpwatch.service.cli.common import belt_of, camera_of, progress
 from lumpwatch.service.cli.learning import Told, add_judging, archive_of, judge, keep_footage, learn_from
 from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness
 from lumpwatch.service.config import load_config
@@ -57,7 +57,7 @@ def refine_command(arguments: argparse.Namespace) -> int:
     """Run the command."""
     config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
-    roi = roi_of(camera, arguments.roi)
+    roi = belt_of(camera, arguments.roi)
     given = archive(arguments.videos, arguments.labels, arguments.unlabelled_is_empty)
     footage = archive_of(config, camera.id, roi)
     new = {footage.identity(clip.video, clip.labels) for clip in given}

@@ -209,7 +209,10 @@ def _alarms(counts: RoiSummary) -> str:
 
 def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None:
     table = Table(title=f"{summary.video}: {summary.frames} frames, {summary.duration_s:.1f} s")
-    for heading in ("roi", "alarms", "LUMP", "CLEAR", "BLIND", "most", "prior"):
+    found = ["LUMP"]
+    if any(counts.states["BLOCKED"] for counts in summary.rois.values()):
+        found.append("BLOCKED")
+    for heading in ("roi", "alarms", *found, "CLEAR", "BLIND", "most", "prior"):
         table.add_column(heading)
     for roi, counts in summary.rois.items():
         share = {
@@ -218,7 +221,7 @@ def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None
         table.add_row(
             roi,
             _alarms(counts),
-            *(share.get(name, "0 %") for name in ("LUMP", "CLEAR")),
+            *(share.get(name, "0 %") for name in (*found, "CLEAR")),
             _blind(counts),
             f"{counts.highest_existence:.3f}",
             str(counts.prior or "none"),

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from lumpwatch.service.capture import read_frames
-from lumpwatch.service.cli.common import camera_of, progress, roi_of
+from lumpwatch.service.cli.common import belt_of, camera_of, progress
 from lumpwatch.service.cli.learning import (
     Told,
     add_judging,
@@ -105,7 +105,7 @@ def train(arguments: argparse.Namespace) -> int:
     _check(arguments)
     config = load_config(arguments.config, secrets=False)
     camera = camera_of(config, arguments.camera)
-    roi = roi_of(camera, arguments.roi)
+    roi = belt_of(camera, arguments.roi)
     if arguments.suggest is not None:
         return _suggest(arguments, config, camera, roi)
     if arguments.accept is not None:

@@ -8,7 +8,7 @@ from lumpwatch.service.config.cameras import CameraConfig, LatencyConfig, RoiCon
 from lumpwatch.service.config.console import ConsoleConfig, UserRole
 from lumpwatch.service.config.detector import DetectorConfig
 from lumpwatch.service.config.evidence import EvidenceConfig, ShiftsConfig
-from lumpwatch.service.config.feed import FeedConfig
+from lumpwatch.service.config.feed import FeedConfig, MouthConfig
 from lumpwatch.service.config.gateway import (
     GatewayConfig,
     ModbusConfig,
@@ -68,6 +68,7 @@ __all__ = [
     "MixtureConfig",
     "ModbusConfig",
     "MotionConfig",
+    "MouthConfig",
     "MqttConfig",
     "NetworkConfig",
     "NotNegative",

@@ -6,11 +6,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from lumpwatch.service.config.alarm import AlarmConfig
+from lumpwatch.service.config.alarm import AlarmConfig, BlockedAlarmConfig
 from lumpwatch.service.config.base import Id, PositiveSeconds, Strict, Unit
 from lumpwatch.service.config.calibration import CalibrationConfig
 from lumpwatch.service.config.detector import DetectorConfig
-from lumpwatch.service.config.feed import FeedConfig
+from lumpwatch.service.config.feed import FeedConfig, MouthConfig
 from lumpwatch.service.config.jdt import JdtConfig
 from lumpwatch.service.config.learning import LearningConfig
 from lumpwatch.service.config.proof import ProofTestConfig
@@ -54,6 +54,10 @@ def polygon_area(polygon: tuple[Point, ...]) -> float:
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(polygon, rolled, strict=True))) / 2
 
 
+_FEED_OF_MOUTH = ("signal_tolerance", "signal_for_s")
+"""The plant may tell a mouth itself what its feed does."""
+
+
 class RoiConfig(Strict):
     """One region of interest: where to look, how, and when to raise the alarm."""
 
@@ -61,6 +65,11 @@ class RoiConfig(Strict):
     """Name of the ROI, unique in its camera."""
     polygon: Polygon
     """Corners relative to the picture: (0, 0) top left, (1, 1) bottom right."""
+    watch: Literal["belt", "mouth"] = "belt"
+    """`belt`: lumps on the feed; `mouth`: whether material stands in the crusher's mouth or a chute. For a mouth there
+    is no `detector`, `calibration` or `learning`, and no key of the lump alarm: its alarm is `alarm.blocked`."""
+    mouth: MouthConfig = MouthConfig()
+    """With `watch: mouth`: when it is blocked."""
     detector: DetectorConfig = JdtConfig()
     """The filter that runs on this ROI."""
     decide_hz: DecideRate | None = None
@@ -78,6 +87,53 @@ class RoiConfig(Strict):
     """When the ROI is tested with a synthetic lump."""
     learning: LearningConfig = LearningConfig()
     """Refining the prior while the daemon runs."""
+
+    @property
+    def watches_mouth(self) -> bool:
+        """Whether it is the second kind of region."""
+        return self.watch == "mouth"
+
+    @property
+    def working_size_px(self) -> int:
+        """Longer side of the working picture."""
+        return self.mouth.working_size_px if self.watches_mouth else self.detector.working_size_px
+
+    @model_validator(mode="after")
+    def _fits_what_it_watches(self) -> Self:
+        if not self.watches_mouth:
+            if self.mouth != MouthConfig():
+                raise ValueError("mouth: belongs to a roi with `watch: mouth`; this one watches a belt")
+            if self.alarm.blocked != BlockedAlarmConfig():
+                raise ValueError(
+                    "alarm.blocked: belongs to a roi with `watch: mouth`; this one watches a belt"
+                )
+            return self
+        for key, given in (
+            ("detector", self.detector != JdtConfig()),
+            ("calibration", self.calibration is not None),
+            ("learning", self.learning != LearningConfig()),
+        ):
+            if given:
+                raise ValueError(
+                    f"{key}: does not fit `watch: mouth`, which looks for no lumps; leave it out"
+                )
+        lumps = {key: value for key, value in self.alarm if key not in ("blind", "system", "blocked")}
+        for key, value in lumps.items():
+            if value != AlarmConfig.model_fields[key].default:
+                raise ValueError(
+                    f"alarm.{key}: is of the lump alarm, which a roi with `watch: mouth` does not have; "
+                    f"the alarm of a mouth is set under alarm.blocked"
+                )
+        if self.proof_test.least_warning_s != ProofTestConfig().least_warning_s:
+            raise ValueError(
+                "proof_test.least_warning_s: does not fit `watch: mouth`: nothing comes to a lip there"
+            )
+        for key, value in self.feed:
+            if key not in _FEED_OF_MOUTH and value != FeedConfig.model_fields[key].default:
+                raise ValueError(
+                    f"feed.{key}: does not fit `watch: mouth`: the feed is seen on the belt, by the roi of mouth.belt"
+                )
+        return self
 
     @field_validator("polygon")
     @classmethod
@@ -149,6 +205,24 @@ class CameraConfig(Strict):
                 raise ValueError(
                     f"roi {roi.id}: decide_hz ({roi.decide_hz:g}) is too seldom for CLEAR, which takes more than "
                     f"{least_hz:g} frames a second (sight.least_frames within sight.within_s)"
+                )
+        for roi in self.rois:
+            belt = roi.mouth.belt
+            if belt is None:
+                continue
+            if belt not in ids:
+                known = ", ".join(other.id for other in self.rois if not other.watches_mouth) or "none"
+                raise ValueError(
+                    f"rois: roi '{roi.id}': mouth.belt: '{belt}' is no roi of this camera that watches a belt "
+                    f"(there are: {known})"
+                )
+            if self.roi(belt).watches_mouth:
+                raise ValueError(
+                    f"rois: roi '{roi.id}': mouth.belt: '{belt}' watches a mouth, expected a roi that watches a belt"
+                )
+            if not self.roi(belt).feed.enabled:
+                raise ValueError(
+                    f"rois: roi '{roi.id}': mouth.belt: the feed of '{belt}' is not looked at (feed.enabled)"
                 )
         return self
 

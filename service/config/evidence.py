@@ -18,7 +18,7 @@ class EvidenceConfig(Strict):
 
     enabled: bool = True
     """Whether evidence is kept at all."""
-    classes: tuple[Literal["lump", "blind"], ...] = ("lump",)
+    classes: tuple[Literal["lump", "blind", "blocked"], ...] = ("lump", "blocked")
     """Classes of alarm whose raising is recorded."""
     pre_roll_s: Annotated[float, Field(ge=0.0, le=600.0)] = 10.0
     """How much is kept from before the alarm; up to a second more, and less where memory does not suffice."""

@@ -1,4 +1,4 @@
-"""What a region's feed does, and how the mouth of a crusher counts as blocked."""
+"""What a region's feed does, and when the mouth of a crusher counts as blocked."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from lumpwatch.service.config.base import Delay, Positive, PositiveSeconds, Strict, Unit
+from lumpwatch.service.config.base import Delay, Id, Positive, PositiveSeconds, Strict, Unit
 
 
 class FeedConfig(Strict):
@@ -46,5 +46,32 @@ class FeedConfig(Strict):
         if self.filled_above < self.empty_below:
             raise ValueError(
                 f"filled_above ({self.filled_above:g}) must not be smaller than empty_below ({self.empty_below:g})"
+            )
+        return self
+
+
+class MouthConfig(Strict):
+    """A crusher's mouth or a chute, and when material stands in it; of regions with `watch: mouth`."""
+
+    belt: Id | None = None
+    """The ROI of the same camera that shows the belt before it: time counts only while its feed runs, and lumps that
+    were followed into the mouth are waited for. Left out: by the plant's signal; without one as if the feed ran."""
+    lumps: bool = True
+    """Whether a lump that was followed from `belt` into the mouth and stands there blocks it, whatever its share."""
+    blocked_above: Annotated[float, Field(gt=0.0, le=1.0)] = 0.25
+    """With material standing in more than this share of the mouth it is blocked, once `alarm.blocked.on_delay_s` is
+    over."""
+    free_below: Unit = 0.12
+    """With less than this share it is no longer."""
+    learn_s: PositiveSeconds = 10.0
+    """How long the mouth must be seen to swallow before it is known; until then the ROI is BLIND, `starting`."""
+    working_size_px: Annotated[int, Field(ge=48, le=1920)] = 320
+    """Longer side of the working picture."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.free_below < self.blocked_above:
+            raise ValueError(
+                f"free_below ({self.free_below:g}) must be smaller than blocked_above ({self.blocked_above:g})"
             )
         return self

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isfinite
 
+from lumpwatch.models.roi import Roi
 from lumpwatch.service.belt import camera_pace, make_pace, ride_s
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import (
@@ -22,9 +23,11 @@ from lumpwatch.service.core import (
     AlarmClass,
     BlindReason,
     Decision,
+    FeedState,
     FeedStatus,
     Frame,
     Pace,
+    PictureQuality,
     PlantFeed,
     RoiResult,
     Trouble,
@@ -33,6 +36,7 @@ from lumpwatch.service.core import (
 )
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.make import make_detector
+from lumpwatch.service.detection.mouth_channel import MouthChannel
 from lumpwatch.service.detection.observer import PipelineObserver, Unobserved
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.detection.plant_signal import PlantSignal
@@ -50,7 +54,7 @@ log = logging.getLogger(__name__)
 class _Region:
     """One region, and why it cannot judge."""
 
-    channel: RegionChannel
+    channel: RegionChannel | MouthChannel
     alarms: RegionAlarms
     sight: Sight
     plant: PlantSignal
@@ -68,6 +72,8 @@ class _Region:
     """Which frames it is decided on."""
     due: bool = True
     """Whether the present one is among them."""
+    result: RoiResult | None = None
+    """Of the newest frame; None before the first, and where it failed."""
 
 
 class CameraPipeline:
@@ -101,15 +107,19 @@ class CameraPipeline:
         )
         self._regions: dict[str, _Region] = {}
         for roi in config.rois:
-            channel = RegionChannel(
-                roi,
-                priors.get(roi.id),
-                pictures=self.quality,
-                listener=self._observer,
-                refused=partial(self._refuse, roi.id),
-                make=make,
-                feed=roi.feed.enabled,
-            )
+            channel: RegionChannel | MouthChannel
+            if roi.watches_mouth:
+                channel = MouthChannel(roi, pictures=self.quality, listener=self._observer)
+            else:
+                channel = RegionChannel(
+                    roi,
+                    priors.get(roi.id),
+                    pictures=self.quality,
+                    listener=self._observer,
+                    refused=partial(self._refuse, roi.id),
+                    make=make,
+                    feed=roi.feed.enabled,
+                )
             sight = Sight(config.sight, config.blind_after_s)
             before = (older or {}).get(roi.id)
             self._regions[roi.id] = _Region(
@@ -119,6 +129,8 @@ class CameraPipeline:
             if roi_id in self._regions:
                 self._regions[roi_id].alarms.restore({alarm_class: alarm})
         self._pace = Pace()
+        # Belts first: a mouth hears of them what comes.
+        self._order = sorted(self._regions.values(), key=lambda region: region.channel.config.watches_mouth)
         self._frame: Frame | None = None
         self._last_s: float | None = None
         self._taken_s: float | None = None
@@ -132,6 +144,10 @@ class CameraPipeline:
     def detector(self, roi: str) -> Detector | None:
         """The detector of a ROI, for overlays; None before the first frame, and where the ROI does not fit it."""
         return self._regions[roi].channel.detector
+
+    def geometry(self, roi: str) -> Roi | None:
+        """Where a ROI lies; None before the first frame, and where it does not fit it."""
+        return self._regions[roi].channel.geometry
 
     def check_fit(self) -> None:
         """Raises RegionMisfitError, saying why, where no ROI fits the pictures."""
@@ -166,7 +182,9 @@ class CameraPipeline:
             for region in self._regions.values():
                 self._fail(region, error)
             return self.poll(now_s)
-        return tuple(self._process_region(region, frame, now_s) for region in self._regions.values())
+        for region in self._order:
+            region.result = self._process_region(region, frame, now_s)
+        return tuple(region.result for region in self._regions.values() if region.result is not None)
 
     def _take_due(self, time_s: float) -> bool:
         """Whether any ROI is to be decided on the frame captured then; counts those that are not."""
@@ -236,11 +254,11 @@ class CameraPipeline:
         region.alarms.restore(snapshot.alarms)
         region.channel.restore(snapshot)
         region.sight.restore(snapshot.sight)
-        if snapshot.size is not None:
-            self._fit_pace(*snapshot.size)
+        self._last_s, self._size = snapshot.last_capture_s, snapshot.size
+        if self._size is not None:
+            self._fit()
         for pace in (region.pace, self._pace):
             pace.restore(snapshot.pace)
-        self._last_s, self._size = snapshot.last_capture_s, snapshot.size
 
     def prior(self, roi_id: str) -> Prior | None:
         """The prior that a ROI uses; None: the stated defaults."""
@@ -320,12 +338,13 @@ class CameraPipeline:
         rois = {
             roi_id: channel.geometry
             for roi_id, channel in channels.items()
-            if channel.detector is not None and channel.geometry is not None
+            if channel.size is not None and channel.geometry is not None
         }
         try:
             if reference is not None:
                 reference.check_fits(self._config, width, height)
-            self.quality.fit(rois, width, height, reference)
+            mouths = tuple(roi.id for roi in self._config.rois if roi.watches_mouth)
+            self.quality.fit(rois, width, height, reference, mouths)
         except LumpwatchError as error:
             log.error("%s: reference refused: %s", self._config.id, error)  # noqa: TRY400 - the line says it
             return False
@@ -335,20 +354,33 @@ class CameraPipeline:
         if region.unfit is not None or not region.due:
             return self._result(region, (), now_s)
         may_learn = self._unseen(now_s) is None
+        may_clear = may_learn and region.sight.reason(frame.capture_s) is None
         try:
-            transition = region.channel.step(
-                frame,
-                now_s=now_s,
-                may_learn=may_learn,
-                may_clear=may_learn and region.sight.reason(frame.capture_s) is None,
-            )
+            if isinstance(region.channel, MouthChannel):
+                self._tell(region.channel, region.plant, now_s)
+            transition = region.channel.step(frame, now_s=now_s, may_learn=may_learn, may_clear=may_clear)
         except Exception as error:
             # One ROI that fails must not take the camera with it: it goes blind and starts anew.
             self._fail(region, error)
             return self._result(region, (), now_s)
         region.sight.judged(frame.capture_s)
         region.last_s = now_s
-        return self._result(region, region.alarms.stepped(transition), now_s, decided=True)
+        changes = region.alarms.stepped(transition)
+        if isinstance(region.channel, MouthChannel):
+            changes += region.alarms.looked(region.channel, now_s, may_clear=may_clear)
+        return self._result(region, changes, now_s, decided=True)
+
+    def _tell(self, mouth: MouthChannel, plant: PlantSignal, now_s: float) -> None:
+        """What its belt's region says of this frame, to a mouth."""
+        belt = self._regions.get(mouth.config.mouth.belt or "")
+        says = plant.runs(now_s)
+        if belt is None or belt.result is None:
+            mouth.hear(FeedStatus(), says, None)
+            return
+        sees = belt.result.decision is not Decision.BLIND and belt.result.feed is not None
+        feed = belt.result.feed if sees and belt.result.feed is not None else FeedStatus()
+        said = belt.plant.runs(now_s) if says is None else says
+        mouth.hear(replace(feed, plant=None, agrees=None, visible=None), said, belt.result.detection)
 
     def _fail(self, region: _Region, error: Exception) -> None:
         """The filter failed: it begins anew, and the region is BLIND until it has looked for long enough again."""
@@ -417,19 +449,21 @@ class CameraPipeline:
     ) -> RoiResult:
         channel = region.channel
         quality = self.quality.current(channel.config.id)
-        reason = self._blind(region, now_s) or quality.reason
-        short = None if reason is not None else region.sight.reason(now_s)
+        reason = self._blind(region, now_s) or _unfit(region.channel, quality)
+        short = None if reason is not None else region.sight.reason(now_s) or _unknown(region.channel)
         seen = reason is None and short is None
         feed = self._feed(region, now_s, seen=seen)
         changes += region.alarms.tick(_reason_text(reason or short, region), now_s)
         # What was found in a fit picture counts however few were looked at; that nothing was found does not.
-        if not (channel.alarm.active and region.last_s is not None and short in _LUMP_COUNTS):
+        alarming = region.alarms.decides
+        if not (alarming and region.last_s is not None and short in _LUMP_COUNTS):
             reason = reason or short
-        clear_or_lump = Decision.LUMP if channel.alarm.active else Decision.CLEAR
+        found = Decision.BLOCKED if channel.config.watches_mouth else Decision.LUMP
+        clear_or_found = found if alarming else Decision.CLEAR
         return RoiResult(
             roi=channel.config.id,
             frame=self._frame,
-            decision=clear_or_lump if reason is None else Decision.BLIND,
+            decision=clear_or_found if reason is None else Decision.BLIND,
             reason=reason,
             detection=channel.detection,
             existence=channel.detection.existence if channel.detection else 0.0,
@@ -440,6 +474,7 @@ class CameraPipeline:
             taken_s=self._taken_s,
             quality=quality,
             feed=feed,
+            blockage=channel.blockage if isinstance(channel, MouthChannel) else None,
         )
 
     def _feed(self, region: _Region, now_s: float, *, seen: bool) -> FeedStatus | None:
@@ -492,6 +527,23 @@ def _going_on(pace: Pace, before: Pace) -> Pace:
     """A pace that goes on from another one."""
     pace.restore(before.state())
     return pace
+
+
+def _unfit(channel: RegionChannel | MouthChannel, quality: PictureQuality) -> BlindReason | None:
+    """Why the picture is not fit; a blocked mouth stands as a frozen stream does, but then the belt stands as well."""
+    mouth = isinstance(channel, MouthChannel)
+    if mouth and quality.reason is BlindReason.FROZEN and channel.feed.state is FeedState.RUNNING:
+        return None
+    return quality.reason
+
+
+def _unknown(channel: RegionChannel | MouthChannel) -> BlindReason | None:
+    """A mouth that was not yet seen to swallow is not CLEAR, nor is one in which nothing can be told from noise."""
+    if not isinstance(channel, MouthChannel):
+        return None
+    if not channel.known:
+        return BlindReason.STARTING
+    return None if channel.sees else BlindReason.HIDDEN
 
 
 def _ride_s(config: RoiConfig, width: int, height: int) -> float | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from statistics import median
 
 from lumpwatch.models.picture.activity import Activity
@@ -48,17 +48,26 @@ class CameraQuality:
         self.decide_hz: float | None = None
         """Frames a second that are judged by rule; None: all."""
 
-    def fit(self, rois: Mapping[str, Roi], width: int, height: int, reference: Reference | None) -> None:
+    def fit(
+        self,
+        rois: Mapping[str, Roi],
+        width: int,
+        height: int,
+        reference: Reference | None,
+        mouths: Collection[str] = (),
+    ) -> None:
         """Measure pictures of this size with these regions, against another reference or none.
 
-        A region that is not among them is not measured. Raises BadReferenceError for a reference of regions of
-        another size in the working picture; all is then as before.
+        A region that is not among them is not measured; those that watch a mouth are not in the reference. Raises
+        BadReferenceError for a reference of regions of another size in the working picture; all is then as before.
         """
         if reference is not None:
             for name, roi in rois.items():
-                _check_tiles(reference, name, PictureMeter(roi.mask).tiles)
+                if name not in mouths:
+                    _check_tiles(reference, name, PictureMeter(roi.mask).tiles)
         for name, region in self._regions.items():
-            lights = () if reference is None else tuple(light.regions[name] for light in reference.lights)
+            known = () if reference is None or name in mouths else reference.lights
+            lights = tuple(light.regions[name] for light in known)
             if name in rois:
                 region.fit(rois[name], lights)
             else:
@@ -75,7 +84,7 @@ class CameraQuality:
             self._pace.age_s > overload.longest_age_s
             or self._pace.share(self.decide_hz) < overload.least_share
         )
-        light = next((region.light for region in self._regions.values() if region.measured), 0)
+        light = next((region.light for region in self._regions.values() if region.measured and region.lit), 0)
         self.shift.observe(frame, light)
 
     def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
@@ -161,6 +170,7 @@ class _Region:
         self._particles = SlowMedian(config.window_s)
         self._seen: set[BlindReason] = set()
         self._until_s = float("-inf")
+        self._lights: tuple[RegionReference, ...] = ()
         self._meter: PictureMeter | None = None
 
     def fit(self, roi: Roi, lights: tuple[RegionReference, ...]) -> None:
@@ -188,6 +198,11 @@ class _Region:
     def measured(self) -> bool:
         """Whether its pictures are."""
         return self._meter is not None
+
+    @property
+    def lit(self) -> bool:
+        """Whether it is compared with a reference, and so knows the present light."""
+        return bool(self._lights)
 
     @property
     def found(self) -> set[BlindReason]:

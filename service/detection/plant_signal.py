@@ -38,9 +38,9 @@ class PlantSignal:
         """Whether they have not agreed for so long that someone must know."""
         return self._differs_s is not None and now_s - self._differs_s >= self._config.signal_for_s
 
-    def runs(self) -> bool | None:
+    def runs(self, now_s: float) -> bool | None:
         """Whether the feeder runs by the plant's signal; None: it does not say."""
-        if self._said is None:
+        if self._said is None or now_s >= self._said.until_s:
             return None
         if self._said.runs is not None or self._said.speed_mm_s is None:
             return self._said.runs

@@ -19,7 +19,7 @@ def make_region(config: RoiConfig, width: int, height: int) -> Roi:
 
     Raises ValueError for a polygon or a calibration that makes no sense there.
     """
-    roi = make_roi(config.polygon, width, height, config.detector.working_size_px)
+    roi = make_roi(config.polygon, width, height, config.working_size_px)
     calibration = config.calibration
     if calibration is None or calibration.limit_mm is None:
         return roi

@@ -20,6 +20,7 @@ from lumpwatch.service.core import (
     step_alarm,
     tick_alarm,
 )
+from lumpwatch.service.detection.mouth_channel import MouthChannel
 from lumpwatch.service.detection.region_channel import RegionChannel
 
 _ROUNDING_S = 1e-6
@@ -28,7 +29,7 @@ _ROUNDING_S = 1e-6
 class RegionAlarms:
     """Every method returns what became of the alarms, in order."""
 
-    def __init__(self, channel: RegionChannel) -> None:
+    def __init__(self, channel: RegionChannel | MouthChannel) -> None:
         self._channel = channel
         self._others: dict[AlarmClass, Alarm] = {
             alarm_class: Alarm() for alarm_class in AlarmClass if alarm_class is not AlarmClass.LUMP
@@ -36,6 +37,8 @@ class RegionAlarms:
         self._blind = Spells()
         rules = channel.config.alarm.blind
         self._at_once = rules.model_copy(update={"on_delay_s": 0.0, "off_delay_s": 0.0})
+        # Its delay counts while the feed runs only, so the channel applies it.
+        self._blocked = channel.config.alarm.blocked.model_copy(update={"on_delay_s": 0.0})
         self._troubles: frozenset[Trouble] = frozenset()
         self._announced: frozenset[Trouble] = frozenset()
         """Those that the system alarm has been announced for."""
@@ -43,6 +46,12 @@ class RegionAlarms:
     def now(self) -> dict[AlarmClass, Alarm]:
         """All of them as they stand."""
         return {AlarmClass.LUMP: self._channel.alarm, **self._others}
+
+    @property
+    def decides(self) -> bool:
+        """Whether the alarm stands that the region watches for: of a lump, or of a blocked mouth."""
+        mouth = self._channel.config.watches_mouth
+        return self._others[AlarmClass.BLOCKED].active if mouth else self._channel.alarm.active
 
     def restore(self, alarms: Mapping[AlarmClass, Alarm]) -> None:
         """Go on with these; others stay."""
@@ -56,6 +65,15 @@ class RegionAlarms:
     def stepped(self, transition: Transition | None) -> tuple[AlarmChange, ...]:
         """The channel has stepped the lump alarm."""
         return self._changes(AlarmClass.LUMP, all_of((self._channel.alarm, transition)))
+
+    def looked(self, channel: MouthChannel, now_s: float, *, may_clear: bool) -> tuple[AlarmChange, ...]:
+        """The channel has looked at its mouth."""
+        before, found = self._others[AlarmClass.BLOCKED], channel.blockage
+        holds = channel.blocked(active=before.active, may_clear=may_clear)
+        alarm, transition = step_alarm(before, self._blocked, float(holds), now_s, observed_s=channel.last_s)
+        if transition is not None and found is not None and found.reason is not None:
+            transition = replace(transition, reason=found.reason.value)
+        return self._changes(AlarmClass.BLOCKED, all_of((alarm, transition)))
 
     def apply(self, alarm_class: AlarmClass, action: AlarmAction, now_s: float) -> tuple[AlarmChange, ...]:
         """What an operator or the plant does to an alarm; raises what `action` raises."""

@@ -82,7 +82,10 @@ def write_files(folder: Path, clip: Clip, site: str, camera: CameraConfig, softw
 def _camera_text(camera: CameraConfig, roi: str) -> str:
     """What a replay needs to know; the address of the source may hold a password, so it stays out."""
     source = camera.source.model_copy(update={"url": type(camera.source.url)("evidence")})
-    alone = camera.model_copy(update={"source": source, "rois": (camera.roi(roi),)})
+    kept = camera.roi(roi)
+    if kept.watches_mouth:  # the region of the belt is not kept: the feed then counts as running
+        kept = kept.model_copy(update={"mouth": kept.mouth.model_copy(update={"belt": None})})
+    alone = camera.model_copy(update={"source": source, "rois": (kept,)})
     tree = alone.model_dump_json(exclude={"source": {"url"}}, indent=2)
     return tree + "\n"
 

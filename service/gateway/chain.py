@@ -18,7 +18,15 @@ from pydantic import ValidationError
 from lumpwatch.service.bus import Bus, Keys
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
 from lumpwatch.service.core import AlarmClass, AlarmState, BlindReason, Decision
-from lumpwatch.service.gateway.values import FeedValues, Quality, RegionValues, SiteValues, Why, following
+from lumpwatch.service.gateway.values import (
+    FeedValues,
+    MouthValues,
+    Quality,
+    RegionValues,
+    SiteValues,
+    Why,
+    following,
+)
 from lumpwatch.service.protocol import AlarmEvent, Heartbeat, Level, StateMessage
 
 _Message = TypeVar("_Message", Heartbeat, StateMessage, Level, AlarmEvent)
@@ -206,7 +214,11 @@ class Chain:
             feed=_feed(state),
             decided=None if state.timing is None else state.timing.decided,
         )
-        return told if blind else _with_lumps(told, state, now - region.state_s)
+        if blind:
+            return told
+        if region.roi.watches_mouth:  # it looks for no lumps: none is not what it has found
+            return replace(told, mouth=_mouth(state))
+        return _with_lumps(told, state, now - region.state_s)
 
     def _silent(self, region: _Region, now: float, connected: bool) -> Why | None:
         """Why nothing that was heard of a region counts; None: it does."""
@@ -250,6 +262,11 @@ def _feed(state: StateMessage) -> FeedValues:
     if told is None:
         return FeedValues()
     return FeedValues(told.state, told.speed_mm_s, told.load, told.visible_p80_mm)
+
+
+def _mouth(state: StateMessage) -> MouthValues:
+    told = state.blockage
+    return MouthValues() if told is None else MouthValues(told.standing, told.stood_s)
 
 
 def _unknown(region: _Region, why: Why) -> RegionValues:

@@ -128,4 +128,6 @@ def plain(region: RegionValues) -> dict[str, Any]:
         "feed_speed_mm_s": region.feed.speed_mm_s,
         "load": region.feed.load,
         "visible_p80_mm": region.feed.visible_p80_mm,
+        "mouth_standing": region.mouth.standing,
+        "mouth_stood_s": region.mouth.stood_s,
     }

@@ -26,7 +26,7 @@ from lumpwatch.service.gateway.codes import (
 )
 from lumpwatch.service.gateway.values import Quality, RegionValues, SiteValues, Why
 
-MAP_VERSION = 1
+MAP_VERSION = 2
 """Rises when values are added."""
 BLOCK, COILS = 64, 16
 """Registers, and coils, of a block."""
@@ -179,6 +179,10 @@ _VALUES = (
     _Value(24, "visible_p80", "uint16", "mm", 1,
            f"size below which four fifths of the visible stones' area lie, a trend; {_NONE}",
            lambda r: r.feed.visible_p80_mm),
+    _Value(25, "mouth_standing", "uint16", "", 1000,
+           f"share of the mouth in which material stands; {_NONE}, or no mouth", lambda r: r.mouth.standing),
+    _Value(26, "mouth_stood", "uint16", "s", 10,
+           f"for how long enough of it has stood while the feed ran; {_NONE}, or no mouth", lambda r: r.mouth.stood_s),
 )  # fmt: skip
 
 ACKNOWLEDGES: dict[str, AlarmClass] = {"ack": AlarmClass.LUMP} | {

@@ -61,6 +61,16 @@ class FeedValues:
 
 
 @dataclass(frozen=True, slots=True)
+class MouthValues:
+    """What a mouth looks like, where the region watches one."""
+
+    standing: float | None = None
+    """Share of it in which material stands."""
+    stood_s: float | None = None
+    """For how long enough of it has stood while the feed ran."""
+
+
+@dataclass(frozen=True, slots=True)
 class RegionValues:
     """One region, at one moment."""
 
@@ -99,6 +109,7 @@ class RegionValues:
     sequence: int | None = None
     """Of the region's last alarm record; 0: there was none."""
     feed: FeedValues = field(default_factory=FeedValues)
+    mouth: MouthValues = field(default_factory=MouthValues)
     decided: datetime | None = None
     """Wall clock (UTC) of the decision that these values come from."""
 

@@ -18,6 +18,7 @@ from lumpwatch.service.core import (
     AlarmClass,
     Changed,
     Clocks,
+    Decision,
     FeedState,
     Frame,
     PlantFeed,
@@ -25,7 +26,7 @@ from lumpwatch.service.core import (
     Rules,
     Trouble,
 )
-from lumpwatch.service.detection import CameraPipeline
+from lumpwatch.service.detection import CameraPipeline, Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import EvidenceKeeper
 from lumpwatch.service.monitor.announcer import Announcer
@@ -44,6 +45,7 @@ from lumpwatch.service.protocol import (
     FeedRequest,
     PriorRequest,
     ProofRequest,
+    blockage_of,
     feed_of,
 )
 from lumpwatch.service.storage import (
@@ -220,11 +222,16 @@ class Monitor:
             decision=lambda roi: self._decisions[roi].decision,
             stopped=self._daemon.stop.wait,
             feed=self._feed,
+            snapshot=self._snapshot,
         )
 
     def _feed(self, roi: str) -> FeedState:
         feed = self._decisions[roi].feed
         return FeedState.UNKNOWN if feed is None else feed.state
+
+    def _snapshot(self, roi: str) -> Snapshot:
+        with self._lock:
+            return self._pipeline.snapshots()[roi]
 
     def _prior(self, roi: str) -> Prior | None:
         with self._lock:
@@ -278,6 +285,12 @@ class Monitor:
                 self._pipeline.trouble(result.roi, Trouble.LATENCY, present=self._announcer.late(result.roi))
             self._metrics.picture.update(result.roi, result.reason, result.quality)
             self._metrics.feed.update(result.roi, feed_of(result))
+            self._metrics.mouth.update(
+                result.roi,
+                blockage_of(result),
+                mouth=self._camera.roi(result.roi).watches_mouth,
+                blind=result.decision is Decision.BLIND,
+            )
             self._log_change(result)
             self._decisions[result.roi] = result
 

@@ -101,12 +101,15 @@ def draw(
             first, last = ((round(x * frame.width), round(y * frame.height)) for x, y in roi.calibration.lip)
             draw_lip(canvas, (first, last))
     for row, result in enumerate(results):
-        detector = pipeline.detector(result.roi)
-        if detector is None:
+        detector, place = pipeline.detector(result.roi), pipeline.geometry(result.roi)
+        if place is None:
             continue
         colour = COLOURS[result.decision]
-        corners = np.round(detector.roi.corners).astype(np.int32)
+        corners = np.round(place.corners).astype(np.int32)
         cv2.polylines(canvas, [corners], isClosed=True, color=colour, thickness=2, lineType=cv2.LINE_AA)
+        if detector is None:  # a mouth
+            _draw_bar(canvas, row, result, colour)
+            continue
         clouds = detector.clouds()
         palette = _PARTICLES if clouds else _TRACKS
         for cloud in clouds:

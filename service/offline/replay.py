@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import Clocks, Decision, Frame, RoiResult
+from lumpwatch.service.core import AlarmClass, Clocks, Decision, Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline, CameraQuality, Unobserved
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import alarm_event, feed_of, state_line
@@ -182,5 +182,7 @@ def _add(counts: RoiSummary, result: RoiResult) -> None:
         counts.blind[result.reason.value] += 1
     counts.highest_existence = max(counts.highest_existence, result.existence)
     counts.prior = result.prior
-    if result.transition is not None:
-        counts.transitions[result.transition.change.value] += 1
+    for change in result.changes:
+        if change.alarm_class in (AlarmClass.LUMP, AlarmClass.BLOCKED):
+            counts.transitions[change.transition.change.value] += 1
+            break

@@ -48,6 +48,7 @@ from lumpwatch.service.protocol.proof import (
 from lumpwatch.service.protocol.proof_path import place_at
 from lumpwatch.service.protocol.records import (
     alarm_event,
+    blockage_of,
     feed_of,
     level_of,
     record_id,
@@ -113,6 +114,7 @@ __all__ = [
     "VerdictRequest",
     "alarm_event",
     "asyncapi_text",
+    "blockage_of",
     "feed_of",
     "level_of",
     "message_schema",

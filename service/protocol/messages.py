@@ -212,7 +212,7 @@ class StateMessage(StateLine):
     """Version of the prior in use; 0: the stated defaults."""
     trained: bool = False
     """Whether the region knows its site: false where it runs on the stated defaults and the net that ships alone, which
-    finds fewer lumps and raises more false alarms."""
+    finds fewer lumps and raises more false alarms; a region that watches a mouth needs no prior."""
 
 
 class Level(Record):

@@ -40,7 +40,8 @@ class ProofReason(StrEnum):
     BLIND = "blind"
     """The ROI could not judge (inconclusive)."""
     EMPTY = "empty"
-    """Nothing lies on the belt (inconclusive): among ore the lump would be harder to find."""
+    """Nothing lies on the belt (inconclusive): among ore the lump would be harder to find. Of a mouth: or nothing moves
+    in it, because the feed stands."""
     STOPPED = "stopped"
     """The daemon was stopped (inconclusive)."""
 
@@ -69,7 +70,7 @@ class ProofResult(Record):
     """Why it did not pass."""
     warning_s: float | None = None
     """Seconds from the alarm until the lump would have reached the lip, or where there is no calibration
-    the end of the ROI; null: no alarm."""
+    the end of the ROI; of a mouth what was left of the time in which the alarm had to come; null: no alarm."""
     existence: float = 0.0
     """The highest probability of a lump while it was in the picture."""
     prior: int = 0

@@ -192,7 +192,7 @@ def state_message(
         reason=result.reason,
         timing=timing_of(result, clocks),
         prior=result.prior,
-        trained=result.prior != 0,
+        trained=result.prior != 0 or result.blockage is not None,  # a mouth is not taught
     )
 
 

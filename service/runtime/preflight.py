@@ -72,6 +72,9 @@ def check_priors(config: SiteConfig) -> dict[tuple[str, str], str]:
     notes = {}
     for camera in config.cameras:
         for roi in camera.rois:
+            if roi.watches_mouth:
+                notes[camera.id, roi.id] = "a mouth needs no prior"
+                continue
             _check_network(roi.detector, f"camera {camera.id}, roi {roi.id}")
             found = store.current(camera.id, roi.id)
             if found.prior is None and (what := _needs_prior(roi.detector)):

@@ -13,6 +13,7 @@ from lumpwatch.service.simulator.codec import ThinLink
 from lumpwatch.service.simulator.gaps import Gaps
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
+from lumpwatch.service.simulator.mouth import Bridge, MouthTruth
 from lumpwatch.service.simulator.scene import Scene
 from lumpwatch.service.simulator.site import Site
 from lumpwatch.service.simulator.spec import FeedSpec
@@ -86,8 +87,23 @@ class FeedSimulator:
     @property
     def polygon(self) -> tuple[tuple[float, float], ...]:
         """Outline of the belt and of the fall, relative to the picture (0..1): a region of interest."""
+        return self._relative(self.geometry.outline())
+
+    @property
+    def belt_polygon(self) -> tuple[tuple[float, float], ...]:
+        """Outline of the belt alone, to the lip, relative to the picture (0..1)."""
+        outline = self.geometry.outline()
+        return self._relative(outline[[0, 1, 2, 5]])
+
+    @property
+    def mouth_polygon(self) -> tuple[tuple[float, float], ...]:
+        """Outline of the mouth, between lip and rim, relative to the picture (0..1)."""
+        outline = self.geometry.outline()
+        return self._relative(outline[[5, 2, 3, 4]])
+
+    def _relative(self, corners: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
         size = (self.spec.width, self.spec.height)
-        return tuple((float(u), float(v)) for u, v in np.clip(self.geometry.outline() / size, 0, 1).round(4))
+        return tuple((float(u), float(v)) for u, v in np.clip(corners / size, 0, 1).round(4))
 
     def render(self) -> tuple[NDArray[np.uint8], tuple[Truth, ...]]:
         """The next picture, uint8 (h, w) or (h, w, 3) BGR, and its lumps, farthest first."""
@@ -115,6 +131,21 @@ class FeedSimulator:
         distance, length = self._belt.distance(t), self.spec.belt_length_mm
         cover = self._gaps.cover(distance - (np.arange(200) + 0.5) * length / 200)
         return BeltTruth(self._belt.speed(t), float(cover.mean()))
+
+    def mouth_at(self, t: float) -> MouthTruth:
+        """What the crusher's mouth does at time t."""
+        return self._scene.mouth.at(t)
+
+    @property
+    def bridges(self) -> tuple[Bridge, ...]:
+        """The bridges that have formed in the mouth so far."""
+        return tuple(self._scene.mouth.bridges)
+
+    @property
+    def lodged(self) -> tuple[tuple[int, float, float], ...]:
+        """The lumps that have lodged in the mouth so far: id, when they came to rest, and when they go through."""
+        stay = self.spec.stuck_duration_s
+        return tuple((number, at, at + stay) for number, at in self._traffic.lodged)
 
     def skip(self, frames: int = 1) -> None:
         """Pass over pictures without drawing them; what follows is what would have followed.

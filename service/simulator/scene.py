@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lumpwatch.service.simulator.gaps import Gaps
 from lumpwatch.service.simulator.geometry import Geometry
 from lumpwatch.service.simulator.motion import BeltMotion
+from lumpwatch.service.simulator.mouth import Mouth
 from lumpwatch.service.simulator.noise import Field, smooth_noise
 from lumpwatch.service.simulator.site import Site
 from lumpwatch.service.simulator.spec import FeedSpec
@@ -38,6 +39,7 @@ class Scene:
         if gaps.any:
             self._rubber = self._make_bands(rubber(np.random.default_rng([spec.seed, 21]), self._bed.shape))
         self._prepare_fall(spec)
+        self.mouth = Mouth(spec, geometry, belt, gaps, self.bed)
 
     def draw(self, t: float, rocks: Iterable[Rock]) -> NDArray[np.uint8]:
         """(h, w) picture at time t; rocks must come farthest first."""
@@ -49,6 +51,8 @@ class Scene:
         self._draw_fall(canvas, t)
         for rock in rocks:
             self.draw_rock(canvas, rock)
+        if self.mouth.any:
+            self.mouth.draw(canvas, t)
         return canvas
 
     def _draw_gaps(self, canvas: NDArray[np.uint8], distance: float) -> None:

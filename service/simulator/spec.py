@@ -55,6 +55,26 @@ class FeedSpec(Strict):
     empty_duration_s: float = Field(default=12.0, ge=1.0, le=3600.0)
     """How long such a stretch is, as the time that it takes to pass."""
 
+    mouth_level: Unit = 0.0
+    """How high material usually lies in the crusher's mouth, between lip and rim, as a share of that; 0: what falls in
+    goes through at once."""
+    mouth_fill_s: float = Field(default=12.0, ge=1.0, le=600.0)
+    """How long the full feed takes to fill the mouth when nothing goes through."""
+    hesitate_every_s: NotNegative = 0.0
+    """Mean time of a running feed between two moments in which the mouth holds back, as in normal crushing; 0: none."""
+    hesitate_longest_s: float = Field(default=4.0, gt=0.0, le=60.0)
+    """Such a moment lasts a fifth of this at least, and this at most."""
+    bridge_every_s: NotNegative = 0.0
+    """Mean time of a running feed between two bridges in the mouth; 0: there are none."""
+    bridge_duration_s: float = Field(default=30.0, ge=1.0, le=86_400.0)
+    """How long a bridge holds; then it breaks, and goes through."""
+    bridge_width: float = Field(default=1.0, ge=0.1, le=1.0)
+    """Share of the mouth's width that bridges; the rest goes on swallowing."""
+    stuck_share: Unit = 0.0
+    """Share of the lumps that lodge in the mouth before they go through."""
+    stuck_duration_s: float = Field(default=30.0, ge=1.0, le=86_400.0)
+    """How long they stay there."""
+
     limit_mm: Positive = 600.0
     """Longest diameter that the crusher takes; lumps are larger."""
     smallest_lump: float = Field(default=1.2, ge=0.7, le=4.0)
@@ -153,6 +173,11 @@ class FeedSpec(Strict):
         if self.frozen_share + self.smooth_share + self.slab_share > 1 + 1e-9:
             raise ValueError("frozen_share, smooth_share and slab_share must not exceed 1 together")
         return self
+
+    @property
+    def has_mouth(self) -> bool:
+        """Whether the mouth is anything to watch."""
+        return self.mouth_level > 0 or self.bridge_every_s > 0 or self.stuck_share > 0
 
     @classmethod
     def from_query(cls, query: str, **overrides: object) -> Self:

@@ -15,7 +15,7 @@ from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.stock import Rolling, Stock
 
 _LUMP, _MEDIUM, _NEAR = 2, 3, 9
-_EXTRA, _TOUCH, _CLUSTER = 10, 11, 12  # generators of what is off by default
+_EXTRA, _TOUCH, _CLUSTER, _STUCK = 10, 11, 12, 24  # generators of what is off by default
 _ROOM = 0.6  # rocks keep this share of the sum of their radii apart
 
 
@@ -39,6 +39,8 @@ class Rock:
     released_at: float | None = None
     released_speed: float = 0.0
     rolling: Rolling | None = None
+    stuck_at: float | None = None
+    """How long it falls until it lodges in the mouth, seconds; None: it does not."""
     slip: float = 0.0
     """How much faster than the belt it moves, as a share of the belt's speed."""
 
@@ -77,6 +79,8 @@ class Traffic:
         self._next[_MEDIUM] -= geometry.belt_length_mm
         self._last_lump: Rock | None = None
         self._paired = False
+        self.lodged: list[tuple[int, float]] = []
+        """Lumps that have lodged in the mouth so far, and when they came to rest there."""
 
     def at(self, t: float) -> tuple[Rock, ...]:
         """The rocks near and in the picture at time t, farthest first; t must not decrease."""
@@ -229,10 +233,30 @@ class Traffic:
         if rock.released_at is None:
             at = self._belt.time_at(rock.start + rock.release_y / pace, before=t)
             rock = replace(rock, released_at=at, released_speed=pace * self._belt.speed(at))
+            if rock.id and self._lodges(rock.id):
+                rock = replace(rock, stuck_at=self._falls_to_mouth(rock))
+                assert rock.stuck_at is not None
+                self.lodged.append((rock.id, at + rock.stuck_at))
         assert rock.released_at is not None
         s = t - rock.released_at
+        if rock.stuck_at is not None:
+            s = max(min(s, rock.stuck_at), s - self._spec.stuck_duration_s)
         z = -self._spec.gravity_mm_s2 * s * s / 2
         return self._turn(replace(rock, y=rock.release_y + rock.released_speed * s, z=z, fallen_s=s))
+
+    def _lodges(self, number: int) -> bool:
+        share = self._spec.stuck_share
+        return share > 0 and float(self._rng(_STUCK, number).random()) < share
+
+    def _falls_to_mouth(self, rock: Rock) -> float:
+        """How long a rock falls until its middle is half way between lip and rim, seconds."""
+        row = (self._geometry.lip_row + self._geometry.rim_row) / 2
+        low, high = 0.0, 2.0
+        for _ in range(40):
+            s = (low + high) / 2
+            y, z = rock.release_y + rock.released_speed * s, -self._spec.gravity_mm_s2 * s * s / 2
+            low, high = (s, high) if self._geometry.project(rock.x, y, z)[1] < row else (low, s)
+        return high
 
     def _turn(self, rock: Rock) -> Rock:
         if rock.rolling is None or rock.y < self._entry:

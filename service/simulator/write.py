@@ -12,6 +12,12 @@ from lumpwatch.service.simulator.feed import FeedSimulator, Truth
 from lumpwatch.service.simulator.spec import FeedSpec
 
 _CRF = 20
+_MOUTH = """\
+      - id: mouth
+        watch: mouth
+        polygon: {polygon}
+        mouth: {{belt: apron}}
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +73,7 @@ def write_video(
                     lump.setdefault("falls_frame", frame)
             if progress is not None:
                 progress(frame, frames)
-    about = {
+    about: dict[str, object] = {
         "spec": spec.model_dump(mode="json"),
         "frames": frames,
         "polygon": simulator.polygon,
@@ -76,6 +82,8 @@ def write_video(
         "homography": simulator.homography.tolist(),
         "lumps": {str(key): value for key, value in sorted(lumps.items())},
     }
+    if spec.has_mouth:
+        about["mouth"] = _mouth(simulator)
     paths.spec.write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
     configuration = _configuration(simulator)
     try:
@@ -86,8 +94,17 @@ def write_video(
     return paths
 
 
+def _mouth(feed: FeedSimulator) -> dict[str, object]:
+    """What the crusher's mouth did; seconds from the start."""
+    return {
+        "polygon": feed.mouth_polygon,
+        "bridges": [[round(one.from_s, 2), round(one.until_s, 2)] for one in feed.bridges],
+        "lodged": [[number, round(at, 2), round(until, 2)] for number, at, until in feed.lodged],
+    }
+
+
 def _configuration(feed: FeedSimulator) -> str:
-    """One camera with one calibrated region, as a user would write it."""
+    """One camera as a user would write it: a calibrated region, and one of the mouth where that is worth watching."""
     spec = feed.spec
     width, length = spec.belt_width_mm, spec.belt_length_mm
     points_mm = [[0.0, 0.0], [width, 0.0], [width, length], [0.0, length]]
@@ -95,7 +112,10 @@ def _configuration(feed: FeedSimulator) -> str:
     for x, y in points_mm:
         u, v, _ = feed.geometry.project(x - width / 2, y)
         corners.append([round(u / spec.width, 4), round(v / spec.height, 4)])
-    polygon = [[round(v, 4) for v in point] for point in feed.polygon]
+    outline = feed.belt_polygon if spec.has_mouth else feed.polygon
+    polygon = [[round(v, 4) for v in point] for point in outline]
+    mouth = [[round(v, 4) for v in point] for point in feed.mouth_polygon]
+    watched = _MOUTH.format(polygon=mouth) if spec.has_mouth else ""
     return f"""\
 site: simulated
 store: {{path: var}}
@@ -110,7 +130,7 @@ cameras:
           points_mm: {points_mm}
           lip: {[corners[3], corners[2]]}
           limit_mm: {spec.limit_mm:g}
-"""
+{watched}"""
 
 
 def _line(frame: int, truth: Truth) -> str:

@@ -69,9 +69,11 @@ class Reference:
     def check_fits(self, camera: CameraConfig, width: int, height: int) -> None:
         """Raises BadReferenceError where ROIs or picture are not those that it was learned for."""
         for roi in camera.rois:
+            if roi.watches_mouth:
+                continue
             polygon = self.meta.polygons.get(roi.id, ())
             same = len(polygon) == len(roi.polygon) and np.allclose(polygon, roi.polygon, atol=1e-6)
-            if not same or self.meta.working_size_px.get(roi.id) != roi.detector.working_size_px:
+            if not same or self.meta.working_size_px.get(roi.id) != roi.working_size_px:
                 raise BadReferenceError(
                     f"reference of camera {camera.id}: was learned for another roi {roi.id}; learn again"
                 )

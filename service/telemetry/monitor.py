@@ -14,6 +14,7 @@ from lumpwatch.service.core import Alarm, AlarmClass, Change, Decision, Detectio
 from lumpwatch.service.protocol import COMMANDS, Latency
 from lumpwatch.service.telemetry.feed import FeedMetrics
 from lumpwatch.service.telemetry.frames import BUCKETS, FrameMetrics
+from lumpwatch.service.telemetry.mouth import MouthMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.records import RecordMetrics
 from lumpwatch.service.telemetry.shadow import ShadowMetrics
@@ -113,6 +114,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
         )
         self.picture = PictureMetrics(registry, camera, rois)
         self.feed = FeedMetrics(registry, camera)
+        self.mouth = MouthMetrics(registry, camera)
         self._flagged: dict[str, frozenset[int]] = {}
         for roi in rois:
             self._wrong_way.labels(camera, roi)

@@ -50,7 +50,9 @@ class _Footage:
         self._camera = camera
         self._size: tuple[int, int] | None = None
         self._rois: dict[str, tuple[Roi, PictureMeter]] = {}
-        self.clips: dict[str, list[list[Sample]]] = {roi.id: [] for roi in camera.rois}
+        # A mouth that is blocked looks as it never did: that must not pass for a hidden one.
+        self._belts = tuple(roi for roi in camera.rois if not roi.watches_mouth)
+        self.clips: dict[str, list[list[Sample]]] = {roi.id: [] for roi in self._belts}
         self.stills: list[Image] = []
         self.seconds = 0.0
 
@@ -85,8 +87,8 @@ class _Footage:
         size = frame.width, frame.height
         if self._size is None:
             try:
-                for roi in self._camera.rois:
-                    geometry = make_roi(roi.polygon, *size, roi.detector.working_size_px)
+                for roi in self._belts:
+                    geometry = make_roi(roi.polygon, *size, roi.working_size_px)
                     self._rois[roi.id] = geometry, PictureMeter(geometry.mask)
             except ValueError as error:
                 raise FootageError(f"camera {self._camera.id}, roi {roi.id}: {error}") from error
@@ -128,8 +130,8 @@ def learn_reference(
         camera=camera.id,
         created=created,
         aspect=aspect,
-        polygons={roi.id: roi.polygon for roi in camera.rois},
-        working_size_px={roi.id: roi.detector.working_size_px for roi in camera.rois},
+        polygons={roi.id: roi.polygon for roi in camera.rois if not roi.watches_mouth},
+        working_size_px={roi.id: roi.working_size_px for roi in camera.rois if not roi.watches_mouth},
         false_share=false_share,
         sources={name: tuple(recording.name for recording in some) for name, some in recordings.items()},
     )

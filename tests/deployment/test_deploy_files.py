@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 
 from deploy.kubernetes.make_rules import TARGET, text
 from lumpwatch.service.bus import SHARED_MEMORY_MIB
+from lumpwatch.service.capture import spec_of
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.deployment.bundling import CONFIG, USER
 
@@ -44,6 +45,14 @@ def test_configurations_are_valid_and_reachable_in_a_container(path: Path) -> No
     assert config.telemetry.address == ("0.0.0.0", 9464)
     assert config.bus.listen == ("tcp/0.0.0.0:7447",)
     assert str(config.store.path) == "/var/lib/lumpwatch"
+
+
+def test_examples_are_valid() -> None:
+    for path in sorted((ROOT / "deploy/examples").glob("*.yaml")):
+        config = parse_config(path.read_text(), path.name, {"CAM_PASSWORD": "x"})
+        for camera in config.cameras:
+            spec_of(camera.source, camera.id)
+    assert {roi.watch for roi in config.cameras[0].rois} == {"belt", "mouth"}
 
 
 def test_compose_is_valid_by_the_schema() -> None:

@@ -30,6 +30,7 @@ PUBLISHED = {
     "cam/apron/lip": 76, "cam/apron/speed": 77, "cam/apron/size_limit": 78, "cam/apron/prior": 80,
     "cam/apron/sequence": 82, "cam/apron/blocked_alarm": 84, "cam/apron/feed_state": 85,
     "cam/apron/feed_speed": 86, "cam/apron/load": 87, "cam/apron/visible_p80": 88,
+    "cam/apron/mouth_standing": 89, "cam/apron/mouth_stood": 90,
 }  # fmt: skip
 PUBLISHED_COILS = {
     "cam/apron/ack": 16, "cam/apron/ack_blind": 17, "cam/apron/ack_system": 18, "cam/apron/ack_blocked": 19,
@@ -74,7 +75,8 @@ def test_what_is_not_known_is_no_zero_and_what_is_unwritten_is_bad() -> None:
     silent = {"state": 0, "quality": 0, "quality_reason": 2, "heartbeat": 0, "size_limit": 65535}
     assert {name: found[f"cam/apron/{name}"] for name in silent} == silent
     for name in ("decision", "blind_reason", "alarm", "blind_alarm", "system_alarm", "existence", "count", "largest",
-                 "lip", "speed", "blocked_alarm", "feed_state", "feed_speed", "load", "visible_p80"):  # fmt: skip
+                 "lip", "speed", "blocked_alarm", "feed_state", "feed_speed", "load", "visible_p80",
+                 "mouth_standing", "mouth_stood"):  # fmt: skip
         assert found[f"cam/apron/{name}"] == 65535, name
     assert found["cam/apron/prior"] == found["cam/apron/sequence"] == 0xFFFFFFFF
 
@@ -86,7 +88,7 @@ def test_a_region_that_sees() -> None:
         "alarm": 1, "existence": 22, "count": 0, "largest": 65535, "size_limit": 700, "prior": 0, "sequence": 70_000,
     }  # fmt: skip
     assert {name: found[f"cam/apron/{name}"] for name in expected} == expected
-    assert (found["map_version"], found["heartbeat"], found["quality"], found["regions"]) == (1, 3, 192, 1)
+    assert (found["map_version"], found["heartbeat"], found["quality"], found["regions"]) == (2, 3, 192, 1)
 
 
 def test_values_that_do_not_fit_are_the_largest_and_not_the_mark_of_absence() -> None:

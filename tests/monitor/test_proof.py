@@ -22,15 +22,21 @@ from lumpwatch.service.capture.proof_blender import Blender, BlendRequestError
 from lumpwatch.service.capture.proof_render import Sprite, blend, grain
 from lumpwatch.service.config.proof import ProofTestConfig
 from lumpwatch.service.core.clock import Clocks, utc
-from lumpwatch.service.core.decision import Trouble
+from lumpwatch.service.core.decision import Decision, Trouble
 from lumpwatch.service.core.frame import Encoding
-from lumpwatch.service.monitor.proof.chain import Ended, Passage, overlaps
+from lumpwatch.service.detection import CameraPipeline, make_region
+from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.monitor.proof.keeper import ProofError, ProofKeeper
+from lumpwatch.service.monitor.proof.mouth import LATE_S, MouthPassage, way_into
+from lumpwatch.service.monitor.proof.passage import Ended, Passage, overlaps
 from lumpwatch.service.monitor.proof.path import greys_of, make_way, reached_lip
 from lumpwatch.service.monitor.proof.schedule import is_due, is_overdue
 from lumpwatch.service.protocol.proof import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
 from lumpwatch.service.protocol.proof_path import place_at
 from lumpwatch.service.telemetry.proof import ProofMetrics
+from tests.detection.test_mouth import Scene as MouthScene
+from tests.detection.test_mouth import camera as mouth_camera
+from tests.models import test_mouth as mouth
 from tests.protocol.test_messages import RESULT
 from tests.service_helpers import HEIGHT, POLYGON, WIDTH, camera, frame, learned, lump_fit
 
@@ -366,3 +372,53 @@ def test_a_plan_must_go_forward() -> None:
             lasts_s=1.0,
             path=(LumpAt(t_s=1.0, x=0, y=0, w=0.1, h=0.1), LumpAt(t_s=1.0, x=0, y=0, w=0.1, h=0.1)),
         )
+
+
+# Of a mouth
+
+
+def test_a_lump_that_stays_in_the_mouth_raises_the_blocked_alarm_in_time() -> None:
+    """As the camera's process draws it, through a chain that goes on from what the live one has learned."""
+    config = mouth_camera()
+    roi = config.rois[0]
+    live, size = MouthScene(config), (mouth.WIDTH, mouth.HEIGHT)
+    list(live.look(10.0))
+    way = way_into(make_region(roi, *size), roi, size)
+    blender = Blender(config)
+    blender.request({}, BlendPlan(roi="mouth", path=way.path, lasts_s=way.path[-1].t_s + 1.0).line())
+    tested = CameraPipeline(config)
+    tested.restore("mouth", live.pipeline.snapshots()["mouth"])
+    passage = MouthPassage(roi)
+    for result in live.look(20.0):
+        assert result.frame is not None
+        made = blender.frame(result.frame)
+        if made is None:
+            break
+        t_s = result.frame.capture_s - 10.0
+        for one in tested.process(made, made.capture_s):
+            passage.take(one, made, way, t_s, size, made.capture_s)
+        assert result.decision is Decision.CLEAR  # the live chain sees nothing of it
+    assert passage.outcome is Outcome.PASSED
+    assert passage.warning_s is not None
+    assert 0.0 < passage.warning_s <= LATE_S
+
+
+def test_a_mouth_with_a_delay_that_no_test_outlasts_is_refused() -> None:
+    roi = mouth_camera().rois[0]
+    blocked = roi.alarm.blocked.model_copy(update={"on_delay_s": 900.0})
+    slow = roi.model_copy(update={"alarm": roi.alarm.model_copy(update={"blocked": blocked})})
+    with pytest.raises(LumpwatchError, match="longer than a proof test may last"):
+        way_into(ROI, slow, SIZE)
+
+
+def test_an_alarm_before_the_lump_has_come_to_rest_cannot_be_judged() -> None:
+    config = mouth_camera()
+    roi = config.rois[0]
+    scene, size = MouthScene(config), (mouth.WIDTH, mouth.HEIGHT)
+    way = way_into(make_region(roi, *size), roi, size)
+    list(scene.look(10.0))
+    raised = next(r for r in scene.look(15.0, 0.0) if any(c.alarm_class == "blocked" for c in r.changes))
+    assert raised.frame is not None
+    with pytest.raises(Ended) as ended:
+        MouthPassage(roi).take(raised, raised.frame, way, 1.0, size, raised.frame.capture_s)
+    assert (ended.value.outcome, ended.value.reason) == (Outcome.INCONCLUSIVE, ProofReason.DISTURBED)

@@ -69,6 +69,17 @@ one style should be tried on the other.
 
 `FeedSimulator.belt_at(t)` is the truth about the belt: its speed, and the share of it on which ore lies.
 
+With `mouth_level`, `bridge_every_s` or `stuck_share` the crusher's mouth between lip and rim is drawn, too. Material
+lies in it up to `mouth_level`, sinks as it is crushed, and is held back for moments; a bridge stands, fills up to the
+lip, and breaks; lumps lodge half way down. `FeedSimulator.mouth_at(t)` is the truth about it: how full it is, the
+share of it in
+which material stands, and whether it is bridged; `bridges` and `lodged` list what happened. `lumpwatch simulate` writes
+them into `spec.json`, and a region that [watches the mouth](operation.md#a-blocked-mouth) into `site.yaml`:
+
+```sh
+lumpwatch simulate out/mouth --seconds 120 --set "mouth_level=0.4&bridge_every_s=40&bridge_duration_s=20"
+```
+
 ## Options
 """
 

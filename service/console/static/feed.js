@@ -114,6 +114,15 @@ export const HELD = ["SHELVED", "SUPPRESSED", "OUT_OF_SERVICE"];
 export const WAITS = ["UNACKNOWLEDGED", "RETURNED"];
 export const CLASSES = ["lump", "blind", "system", "blocked"];
 
+// What a mouth looks like, in words; nothing of a region that watches a belt.
+export function mouth(region) {
+  const told = region.state?.blockage;
+  if (!told) return "";
+  const stood = told.reason ? `, for ${Math.floor(told.stood_s)} s` : "";
+  const lump = told.reason === "lump" ? "a lump stands in the mouth, " : "";
+  return `${lump}${Math.round(100 * told.standing)} % of the mouth stands${stood}`;
+}
+
 // All alarms that wait to be acknowledged, the most urgent first.
 export function waiting(feed) {
   const found = [];

@@ -2,7 +2,7 @@
 import { command, evidence, feed, shelve } from "./common.js";
 import { call, make, mark, may, say, set } from "./dom.js";
 import { curve, objects } from "./curve.js";
-import { HELD, feeding, largest, now, soonest } from "./feed.js";
+import { HELD, feeding, largest, mouth, now, soonest } from "./feed.js";
 import { blockage, plain, reason, untrained } from "./words.js";
 
 const EVERY_S = 0.1;
@@ -117,7 +117,7 @@ function show() {
     set(node, "data-status", status);
     mark(node.querySelector(".mark"), status);
     say(node.querySelector(".text"), status);
-    say(node.querySelector(".detail"), status === "SILENT" ? feed.news(region) : status === "BLIND" ? reason(region.state.reason) : status === "BLOCKED" ? blockage(region) : feeding(region));
+    say(node.querySelector(".detail"), status === "SILENT" ? feed.news(region) : status === "BLIND" ? reason(region.state.reason) : status === "BLOCKED" ? blockage(region) : [mouth(region), feeding(region)].filter(Boolean).join(" · "));
     say(node.querySelector(".untaught"), heard && untrained(region) ? "untrained: finds fewer lumps" : "");
     const lip = soonest(region);
     if (region.state.frame !== countdown.get(region.roi)?.frame) {

@@ -1,7 +1,7 @@
 // All regions, worst first.
 import { feed, selection } from "./common.js";
 import { make, mark, place, say, set } from "./dom.js";
-import { feeding, largest, soonest, worst } from "./feed.js";
+import { feeding, largest, mouth, soonest, worst } from "./feed.js";
 import { blockage, plain, reason, untrained } from "./words.js";
 
 const list = document.getElementById("tiles");
@@ -24,7 +24,7 @@ function detail(region, status) {
   if (status === "SILENT") return feed.news(region);
   if (status === "BLIND") return reason(region.state.reason);
   if (status === "BLOCKED") return blockage(region);
-  if (status === "CLEAR") return feeding(region);
+  if (status === "CLEAR") return [mouth(region), feeding(region)].filter(Boolean).join(" · ");
   const size = largest(region)?.size?.longest_mm;
   const lip = soonest(region);
   return [size ? `${Math.round(size)} mm` : "", lip === null ? "" : `${Math.max(0, lip).toFixed(1)} s to the lip`].filter(Boolean).join(" · ");

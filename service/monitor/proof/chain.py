@@ -20,27 +20,25 @@ from lumpwatch.service.bus import Bus, BusClosed, Keys
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import (
     AlarmClass,
-    Change,
     Clocks,
     Decision,
     FeedState,
-    Frame,
     RoiResult,
     StreamClock,
     utc,
 )
-from lumpwatch.service.detection import CameraPipeline, make_profile, make_region
+from lumpwatch.service.detection import CameraPipeline, Snapshot, make_profile, make_region
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.monitor.inbox import on_this_clock
+from lumpwatch.service.monitor.proof.mouth import MouthPassage, way_into
+from lumpwatch.service.monitor.proof.passage import Ended, Passage
 from lumpwatch.service.monitor.proof.path import Way, greys_of, make_way, reached_lip
 from lumpwatch.service.protocol import (
     BlendPlan,
-    LumpAt,
     Outcome,
     ProofReason,
     ProofResult,
     alarm_event,
-    place_at,
 )
 from lumpwatch.service.storage import Prior
 
@@ -70,15 +68,8 @@ class Site:
     """Whether the daemon asks to stop within so many seconds."""
     feed: Callable[[str], FeedState] = lambda _: FeedState.UNKNOWN
     """What the feed of a ROI does."""
-
-
-class Ended(Exception):  # noqa: N818 - an end is no error
-    """The test is over before the lump is."""
-
-    def __init__(self, outcome: Outcome, reason: ProofReason) -> None:
-        super().__init__(reason.value)
-        self.outcome = outcome
-        self.reason = reason
+    snapshot: Callable[[str], Snapshot | None] = lambda _: None
+    """What the chain knows of a ROI."""
 
 
 class ProofTest:
@@ -108,7 +99,7 @@ class ProofTest:
             prior=prior.version if prior else 0,
             actor=actor,
         )
-        passage = Passage(roi)
+        passage = MouthPassage(roi) if roi.watches_mouth else Passage(roi)
         try:
             self._pass(roi, prior, passage)
         except Ended as end:
@@ -133,8 +124,10 @@ class ProofTest:
     def _pass(self, roi: RoiConfig, prior: Prior | None, passage: Passage) -> None:
         """Let the lump pass through the test chain."""
         self._check(roi.id)
-        if self._site_state.feed(roi.id) is FeedState.EMPTY:
-            # A lump on a bare belt is easier to find than one among ore: a pass would show too little.
+        feed = self._site_state.feed(roi.id)
+        if feed is FeedState.EMPTY or (roi.watches_mouth and feed is FeedState.STOPPED):
+            # A lump on a bare belt is easier to find than one among ore: a pass would show too little. So it would of
+            # a mouth in which everything stands.
             raise Ended(Outcome.INCONCLUSIVE, ProofReason.EMPTY)
         size = self._site_state.size()
         if size is None:
@@ -148,9 +141,10 @@ class ProofTest:
             greys=greys_of(prior.learned if prior else None),
             seed=int(time.time()) % 2**31,
         )
-        tested = roi.model_copy(update={"feed": roi.feed.model_copy(update={"enabled": False})})
-        alone = self._camera.model_copy(update={"rois": (tested,)})
+        alone = self._camera.model_copy(update={"rois": (_alone(roi),)})
         pipeline = CameraPipeline(alone, {roi.id: prior})
+        if roi.watches_mouth and (known := self._site_state.snapshot(roi.id)) is not None:
+            pipeline.restore(roi.id, known)  # it would have to learn the mouth first
         inbox = self._bus.frame_inbox(self._keys.test_frame(self._camera.id))
         try:
             self._ask(plan)
@@ -187,6 +181,8 @@ class ProofTest:
 
     def _way(self, roi: RoiConfig, prior: Prior | None, size: tuple[int, int]) -> Way:
         geometry = make_region(roi, *size)
+        if roi.watches_mouth:
+            return way_into(geometry, roi, size)
         learned = prior.learned if prior else None
         profile = make_profile(roi.detector.size_h, learned, geometry)
         settle_s = roi.proof_test.settle_s
@@ -213,7 +209,7 @@ class ProofTest:
     def _publish(self, result: RoiResult) -> None:
         """The alarms of the test chain, on the test key."""
         for change in result.changes:
-            if change.alarm_class is not AlarmClass.LUMP:
+            if change.alarm_class not in (AlarmClass.LUMP, AlarmClass.BLOCKED):
                 continue
             self._sequence += 1
             clocks = Clocks(time.monotonic(), time.time())
@@ -223,44 +219,11 @@ class ProofTest:
             self._alarms[result.roi].put(record.line())
 
 
-class Passage:
-    """What the test chain has decided while the lump passed."""
-
-    def __init__(self, roi: RoiConfig) -> None:
-        self._least_s = roi.proof_test.least_warning_s
-        self.outcome = Outcome.FAILED
-        self.reason: ProofReason | None = ProofReason.NOT_DETECTED
-        self.warning_s: float | None = None
-        self.existence = 0.0
-        self.seen_s = 0.0
-
-    def take(
-        self, result: RoiResult, frame: Frame, way: Way, t_s: float, size: tuple[int, int], now_s: float
-    ) -> None:
-        """A frame was judged at `now_s`; the lump is `t_s` on its way. Raises Ended."""
-        place = place_at(way.path, t_s)
-        if place is not None:
-            self.existence = max(self.existence, result.existence)
-        transition = result.transition
-        if self.warning_s is not None or transition is None or transition.change is not Change.RAISED:
-            return
-        if place is None or not overlaps(result, place, size):
-            raise Ended(Outcome.INCONCLUSIVE, ProofReason.DISTURBED)
-        self.warning_s = way.arrives_s - t_s - (now_s - frame.capture_s)
-        passed = self.warning_s >= self._least_s and self.warning_s > 0.0
-        self.outcome = Outcome.PASSED if passed else Outcome.FAILED
-        self.reason = None if passed else ProofReason.TOO_LATE
-
-
-def overlaps(result: RoiResult, place: LumpAt, size: tuple[int, int]) -> bool:
-    """Whether an object of the result lies on the lump, in pictures of `size`."""
-    x, y, w, h = place.x * size[0], place.y * size[1], place.w * size[0], place.h * size[1]
-    found = result.detection.counted if result.detection is not None else ()
-    return any(
-        abs(detected.x + detected.w / 2 - x) < (w + detected.w) / 2
-        and abs(detected.y + detected.h / 2 - y) < (h + detected.h) / 2
-        for detected in found
-    )
+def _alone(roi: RoiConfig) -> RoiConfig:
+    """The region as it is tested: without the others that tell it of the feed."""
+    if roi.watches_mouth:
+        return roi.model_copy(update={"mouth": roi.mouth.model_copy(update={"belt": None})})
+    return roi.model_copy(update={"feed": roi.feed.model_copy(update={"enabled": False})})
 
 
 def _now() -> datetime:

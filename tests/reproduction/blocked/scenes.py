@@ -1,0 +1,75 @@
+"""What the figures are taken on: mouths that bridge, and mouths that only swallow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from lumpwatch.service.simulator import FeedSpec
+
+FPS = 5.0
+_PLACE: dict[str, object] = {"width": 320, "height": 240, "fps": FPS, "mouth_level": 0.4}
+_WORK: dict[str, object] = {"hesitate_every_s": 15.0, "hesitate_longest_s": 4.0}
+_BRIDGES: dict[str, object] = {"bridge_every_s": 14.0, "bridge_duration_s": 16.0}
+_NIGHT: dict[str, object] = {"night": 0.7, "noise": 4.0}
+_DUST: dict[str, object] = {"dust": 0.7, "dust_burst": 1.0, "dust_burst_every_s": 20.0}
+_SHAKE: dict[str, object] = {"shake_px": 1.5}
+_STOPS: dict[str, object] = {"stop_every_s": 40.0, "stop_duration_s": 20.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One scene, rendered from each seed."""
+
+    name: str
+    about: str
+    seeds: tuple[int, ...]
+    minutes: float
+    """For each seed."""
+    changed: dict[str, object] = field(default_factory=dict)
+
+    def specs(self) -> list[FeedSpec]:
+        """One for each seed."""
+        return [
+            FeedSpec.model_validate({**_PLACE, **_WORK, **self.changed, "seed": seed}) for seed in self.seeds
+        ]
+
+
+TUNING = Scene(
+    "tuning",
+    "bridges and normal crushing, for the peers' thresholds",
+    (900,),
+    2.0,
+    {"bridge_every_s": 35.0, "bridge_duration_s": 20.0},
+)
+BLOCKED = (
+    Scene("bridge", "the whole width bridges, the mouth 40 % full", (1,), 1.0, _BRIDGES),
+    Scene(
+        "half", "half of the width bridges, the rest goes on", (3,), 1.0, {**_BRIDGES, "bridge_width": 0.5}
+    ),
+    Scene("empty mouth", "nothing lies in it before", (5,), 1.0, {**_BRIDGES, "mouth_level": 0.0}),
+    Scene("style b", "another place, camera and ore", (6,), 1.0, {**_BRIDGES, "style": "b"}),
+    Scene("dust", "thick dust with bursts", (7,), 1.0, {**_BRIDGES, **_DUST}),
+    Scene("shake", "the camera shakes by 1.5 px", (9,), 1.0, {**_BRIDGES, **_SHAKE}),
+    Scene("night", "infra-red light, noise", (10,), 1.0, {**_BRIDGES, **_NIGHT}),
+    Scene("stops", "the feed stops every 40 s for 20 s", (11,), 1.0, {**_BRIDGES, **_STOPS}),
+    Scene(
+        "lumps",
+        "every other lump lodges in an empty mouth for 20 s",
+        (13,),
+        1.5,
+        {"mouth_level": 0.0, "stuck_share": 0.5, "stuck_duration_s": 20.0, "lumps_per_minute": 5.0},
+    ),
+)
+NORMAL = (
+    Scene("plain", "holds back for up to 4 s every 15 s", (101,), 4.0),
+    Scene("empty mouth", "all falls through", (103,), 1.0, {"mouth_level": 0.0}),
+    Scene("full", "70 % full", (104,), 1.0, {"mouth_level": 0.7}),
+    Scene("style b", "another place, camera and ore", (105,), 1.0, {"style": "b"}),
+    Scene("dust", "thick dust with bursts", (106,), 1.0, _DUST),
+    Scene("shake", "the camera shakes by 1.5 px", (107,), 1.0, _SHAKE),
+    Scene("night", "infra-red light, noise", (108,), 1.0, _NIGHT),
+    Scene("stops", "the feed stops every 40 s for 20 s", (109,), 1.0, _STOPS),
+    Scene(
+        "gaps", "the belt is empty at times", (111,), 1.0, {"empty_every_s": 40.0, "empty_duration_s": 20.0}
+    ),
+)
