@@ -24,7 +24,7 @@ from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError
 
 _VARIABLE = re.compile(r"\$\{([A-Za-z_][A-Za-z0-9_]*)\}")
-_MAX_BYTES = 4 << 20
+_MAX_BYTES = 1 << 20  # the reader takes some 30 s for that in the worst case
 _MOST_SECRET = 64 << 10
 _MOST_LEVELS = 50  # a configuration has some ten
 

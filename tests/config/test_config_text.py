@@ -94,7 +94,7 @@ def test_a_file_that_is_not_text(tmp_path: Path) -> None:
 
 
 def test_a_device_that_never_ends_is_too_large() -> None:
-    with pytest.raises(ConfigError, match="larger than 4 MiB"):
+    with pytest.raises(ConfigError, match="larger than 1 MiB"):
         load_config(Path("/dev/zero"))
 
 
@@ -118,7 +118,7 @@ def test_superscripts_are_no_port() -> None:
 def test_a_file_that_is_far_too_large(tmp_path: Path) -> None:
     with (tmp_path / "site.yaml").open("wb") as file:
         file.truncate(64 << 20)
-    with pytest.raises(ConfigError, match=r"site\.yaml: larger than 4 MiB"):
+    with pytest.raises(ConfigError, match=r"site\.yaml: larger than 1 MiB"):
         load_config(tmp_path / "site.yaml")
 
 
