@@ -99,7 +99,9 @@ def go(page: Page, frame: int) -> None:
 def draw_region(page: Page, url: str) -> None:
     """The belt, with its lip and four points of known places."""
     page.goto(f"{url}/regions/cam/apron", wait_until="commit")
-    page.wait_for_selector("#stage[data-ready]", timeout=60_000)
+    page.wait_for_selector(
+        "#stage[data-ready][data-still]", timeout=60_000
+    )  # the camera may still be starting
     for begin, end in (
         ((0.05, 0.05), (0.3, 0.0)),
         ((0.95, 0.05), (0.7, 0.0)),
@@ -109,7 +111,7 @@ def draw_region(page: Page, url: str) -> None:
         drag(page, begin, end)
     page.wait_for_selector("#save:not([disabled])")
     page.click("#save")
-    page.wait_for_selector("#toast:not([hidden])")
+    page.wait_for_selector("#toast:text('Written')")
 
 
 def label(page: Page, labels: Path) -> int:

@@ -210,10 +210,14 @@ function choose(name) {
 
 async function picture() {
   const answer = await fetch(`/api/v1/cameras/${encodeURIComponent(where.camera)}/picture`);
-  if (answer.status !== 200) return toast("No picture comes from this camera.", true);
+  if (answer.status !== 200) {
+    if (!still) setTimeout(picture, 1000); // a camera that is being started anew comes in a while
+    return toast("No picture comes from this camera.", true);
+  }
   still = await createImageBitmap(await answer.blob());
   canvas.width = still.width;
   canvas.height = still.height;
+  canvas.dataset.still = "";
   return draw();
 }
 
