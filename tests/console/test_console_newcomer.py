@@ -179,7 +179,7 @@ def test_from_nothing_to_a_promoted_prior(browser: Browser, site: tuple[Path, st
     page.click("[data-work=replay]")
     page.locator("#jobs tr a", has_text="replay").click()  # waits until it is listed
     page.wait_for_selector("#overlay:not([hidden])", timeout=120_000)
-    page.wait_for_function("document.querySelector('#overlay video').duration > 10")
+    page.wait_for_function("() => document.querySelector('#overlay video').duration > 10")
     found = json.loads(
         (next((config.parent / "var" / "console" / "jobs").glob("*/summary.json"))).read_text()
     )
