@@ -48,7 +48,7 @@ cameras:
         #   limit_mm: {limit}   # the alarm is for lumps that are longer
 
         # When the alarm is raised and cleared; a lower raise_above warns earlier and errs more often.
-        alarm: {{raise_above: 0.9, clear_below: 0.5, on_delay_s: 0.2, off_delay_s: 2.0, latch: true}}
+        alarm: {{raise_above: 0.999, clear_below: 0.5, on_delay_s: 0.5, off_delay_s: 2.0, latch: true}}
 """
 
 

@@ -89,13 +89,13 @@ class AlarmConfig(AnnunciationConfig):
     """Hysteresis and delays between the probability of existence and the alarm of class `lump`."""
 
     raise_above: Probability = 0.9
-    """Existence must exceed this to raise the alarm."""
+    """Existence must exceed this to raise the alarm; left out with the lump likelihood: 0.999."""
     clear_below: Probability = 0.5
     """Existence must fall below this to clear the alarm."""
     oversize_above: Probability = 0.6
     """On a calibrated belt with a limit: a lump counts from this probability of being above the limit."""
     on_delay_s: Delay = 0.2
-    """How long existence must stay above `raise_above` without a break."""
+    """How long existence must stay above `raise_above` without a break; left out with the lump likelihood: 0.5 s."""
     off_delay_s: Delay = 2.0
     """How long existence must stay below `clear_below` without a break."""
     latch: bool = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -58,6 +58,11 @@ _FEED_OF_MOUTH = ("signal_tolerance", "signal_for_s")
 """The plant may tell a mouth itself what its feed does."""
 
 
+LUMP_ALARM = {"raise_above": 0.999, "on_delay_s": 0.5}
+"""Defaults of the alarm where the likelihood is the lump's. Its evidence comes from one body and frames much alike, so
+existence runs ahead of what is known: what soon passes 0.9 may be ore, what stays above 0.999 is seldom any."""
+
+
 class RoiConfig(Strict):
     """One region of interest: where to look, how, and when to raise the alarm."""
 
@@ -87,6 +92,17 @@ class RoiConfig(Strict):
     """When the ROI is tested with a synthetic lump."""
     learning: LearningConfig = LearningConfig()
     """Refining the prior while the daemon runs."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _surer_of_lumps(cls, given: Any) -> Any:
+        """What the alarm has of its own where the likelihood is the lump's, unless the configuration says otherwise."""
+        if not isinstance(given, dict) or given.get("watch", "belt") != "belt":
+            return given
+        alarm = given.get("alarm", {})
+        if isinstance(alarm, dict) and _likelihood_of(given.get("detector", {})) == "lump":
+            return {**given, "alarm": {**LUMP_ALARM, **alarm}}
+        return given
 
     @property
     def watches_mouth(self) -> bool:
@@ -237,3 +253,15 @@ class CameraConfig(Strict):
             if roi.id == roi_id:
                 return roi
         raise KeyError(roi_id)
+
+
+def _likelihood_of(detector: Any) -> str | None:
+    """Kind of the likelihood of a detector as it was given; None for a tracker, and for what is no detector."""
+    if isinstance(detector, JdtConfig):
+        return detector.likelihood.kind
+    if not isinstance(detector, dict) or detector.get("kind", "jdt") != "jdt":
+        return None
+    likelihood = detector.get("likelihood", {})
+    if isinstance(likelihood, dict):
+        return str(likelihood.get("kind", "lump"))
+    return getattr(likelihood, "kind", None)

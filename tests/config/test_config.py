@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from lumpwatch.service.config import HistogramConfig, JdtConfig, LumpConfig, load_config, parse_config
 from lumpwatch.service.config.cameras import polygon_area
 from lumpwatch.service.errors import ConfigError
-from tests.service_helpers import POLYGON, site_tree
+from tests.service_helpers import POLYGON, site, site_tree
 
 EXAMPLE = """\
 site: north-pit
@@ -33,7 +33,7 @@ cameras:
           switching: adaptive
           likelihood: {kind: lump}
           seed: 1
-        alarm: {raise_above: 0.9, clear_below: 0.5, on_delay_s: 0.2, off_delay_s: 2.0, latch: true}
+        alarm: {raise_above: 0.999, clear_below: 0.5, on_delay_s: 0.5, off_delay_s: 2.0, latch: true}
 """
 SECRET = {"CAM_PASSWORD": "hunter2-s3cret"}
 
@@ -97,12 +97,32 @@ def test_the_example_means_what_it_says() -> None:
     assert isinstance(detector.likelihood, LumpConfig)
     alarm = roi.alarm
     assert (alarm.raise_above, alarm.clear_below, alarm.on_delay_s, alarm.off_delay_s, alarm.latch) == (
-        0.9,
+        0.999,
         0.5,
-        0.2,
+        0.5,
         2.0,
         True,
     )
+
+
+@pytest.mark.parametrize(
+    ("roi", "above", "delay_s"),
+    [
+        ({}, 0.999, 0.5),
+        ({"alarm": {"raise_above": 0.8}}, 0.8, 0.5),
+        ({"detector": {"likelihood": {"margin": 2.0}}}, 0.999, 0.5),
+        ({"detector": {"likelihood": {"kind": "histogram"}}}, 0.9, 0.2),
+        ({"detector": {"kind": "jpda"}}, 0.9, 0.2),
+        ({"watch": "mouth"}, 0.9, 0.2),
+    ],
+)
+def test_the_alarm_of_the_lump_likelihood_waits_for_more(
+    roi: dict[str, object], above: float, delay_s: float
+) -> None:
+    tree = site_tree()
+    tree["cameras"][0]["rois"] = [{"id": "apron", "polygon": [list(p) for p in POLYGON]} | roi]
+    alarm = site(tree).cameras[0].rois[0].alarm
+    assert (alarm.raise_above, alarm.on_delay_s) == (above, delay_s)
 
 
 def test_what_is_left_out_is_what_the_example_states() -> None:
