@@ -241,6 +241,7 @@ class CameraPipeline:
                 alarms=region.alarms.now(),
                 sight=region.sight.state(),
                 pace=region.pace.state(),
+                camera_pace=self._pace.state(),
             )
             for roi_id, region in self._regions.items()
         }
@@ -257,8 +258,8 @@ class CameraPipeline:
         self._last_s, self._size = snapshot.last_capture_s, snapshot.size
         if self._size is not None:
             self._fit()
-        for pace in (region.pace, self._pace):
-            pace.restore(snapshot.pace)
+        region.pace.restore(snapshot.pace)
+        self._pace.restore(snapshot.camera_pace)
 
     def prior(self, roi_id: str) -> Prior | None:
         """The prior that a ROI uses; None: the stated defaults."""

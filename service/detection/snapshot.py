@@ -29,6 +29,8 @@ class Snapshot:
     """Which frames were judged."""
     pace: PaceState = field(default_factory=PaceState)
     """Which frame was decided on."""
+    camera_pace: PaceState = field(default_factory=PaceState)
+    """Which of the camera's frames was due in any region."""
 
     @property
     def exact(self) -> bool:

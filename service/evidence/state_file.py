@@ -35,6 +35,7 @@ def encode_state(snapshot: Snapshot) -> bytes:
         "looks": {str(i): asdict(track) for i, track in snapshot.sizes.items()},
         "sight": asdict(snapshot.sight),
         "pace": asdict(snapshot.pace),
+        "camera_pace": asdict(snapshot.camera_pace),
         "alarms": {alarm_class.value: _alarm(alarm) for alarm_class, alarm in snapshot.alarms.items()},
     }
     arrays = {} if snapshot.filter is None else snapshot.filter.arrays
@@ -73,6 +74,7 @@ def _snapshot(plain: dict[str, Any], arrays: dict[str, Any], prior: Prior | None
         prior,
         _sight(plain.get("sight", {})),
         _pace(plain.get("pace", {})),
+        _pace(plain.get("camera_pace", {})),
     )
 
 

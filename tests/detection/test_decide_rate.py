@@ -16,6 +16,7 @@ from lumpwatch.service.core.decision import BlindReason, RoiResult
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
 from lumpwatch.service.detection.observer import Unobserved
 from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.evidence.state_file import decode_state, encode_state
 from tests.service_helpers import camera, frame, prior, site, site_tree
 
 FPS = 30.0
@@ -188,3 +189,20 @@ def test_a_rate_at_which_nothing_is_ever_clear_is_refused() -> None:
     tree["cameras"][0]["rois"][0]["decide_hz"] = 4.0
     with pytest.raises(ConfigError, match=r"decide_hz \(4\) is too seldom for CLEAR"):
         site(tree)
+
+
+@pytest.mark.parametrize("first", range(40, 48))
+def test_a_pipeline_that_goes_on_from_a_stored_state_takes_the_same_frames(first: int) -> None:
+    """The camera's own choice goes into the state: a region sees only what that lets through."""
+    config = at(10.0)
+
+    def taken(pipeline: CameraPipeline, frames: range) -> list[bool]:
+        return [pipeline.process(frame(k, time_s=k / FPS), k / FPS)[0].decided for k in frames]
+
+    live = CameraPipeline(config, {"apron": prior()})
+    taken(live, range(first))
+    stored = encode_state(live.snapshots()["apron"])
+    again = CameraPipeline(config, {"apron": prior()})
+    again.restore("apron", decode_state(stored, "state", prior()))
+    following = range(first, first + 12)
+    assert taken(again, following) == taken(live, following)
