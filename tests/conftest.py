@@ -1,13 +1,14 @@
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-# Commands under test set it too, and numba does not forgive a change once its threads run.
-os.environ["NUMBA_NUM_THREADS"] = "1"
+from lumpwatch.service.threads import use_one_thread
+
+# As commands and daemons do: BLAS reads it when it is loaded, and numba does not forgive a change once its threads run.
+use_one_thread()
 
 # Examples are not timed: a machine that is busy, or a kernel that compiles, is no failure.
 settings.register_profile("lumpwatch", deadline=None)
