@@ -16,7 +16,9 @@ class Tokens:
 
     def __init__(self, endpoint: str, selector: str, tls: TlsConfig | None = None) -> None:
         self.events: list[tuple[str, bool]] = []
-        """Key of a token, and whether it is there; those that were there already come first."""
+        """Key of a token, and whether it is there now and was not before or the reverse; those that were there already
+        come first. What zenoh says again, as it may in answer to a query of the same session, is no change."""
+        self._there: dict[str, bool] = {}
         self._selector = selector
         self._session = zenoh.open(_settings(endpoint, tls))
         self._session.liveliness().declare_subscriber(selector, self._changed, history=True)
@@ -38,7 +40,10 @@ class Tokens:
         return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
     def _changed(self, sample: zenoh.Sample) -> None:
-        self.events.append((str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT))
+        key, there = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+        if self._there.get(key, False) != there:
+            self._there[key] = there
+            self.events.append((key, there))
 
 
 def _settings(endpoint: str, tls: TlsConfig | None) -> zenoh.Config:

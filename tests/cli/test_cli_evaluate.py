@@ -202,7 +202,7 @@ def test_missing_files(capsys: Captured, tmp_path: Path, truth: Path) -> None:
     [
         ("1,1,2,3,4\n", "line 1: expected frame,id,x,y,w,h"),
         ("1,1,0,0,5,5\n1,1,0,0,6,6\n", "line 2: track 1 "),
-        ("1,1,1e20,0,5,5\n", "width and height"),
+        ("1,1,1e20,0,5,5\n", "a number is beyond"),
         ('{"frame": 1}\n', "line 1: "),
         ("{\n", "line 1: "),
     ],

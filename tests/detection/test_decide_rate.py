@@ -137,7 +137,10 @@ def calibrated(speed_m_s: float | None, **changed: Any) -> RoiConfig:
         speed_m_s=speed_m_s,
     )
     polygon = ((0.3, 0.1), (0.7, 0.1), (0.8, 0.9), (0.2, 0.9))
-    return RoiConfig(id="apron", polygon=polygon, calibration=belt, **changed)
+    alarm = {"on_delay_s": 0.2}
+    return RoiConfig.model_validate(
+        {"id": "apron", "polygon": polygon, "calibration": belt, "alarm": alarm} | changed
+    )
 
 
 @pytest.mark.parametrize(

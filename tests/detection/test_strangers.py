@@ -32,7 +32,7 @@ CAMERA = CameraConfig.model_validate(
 Found = Callable[[float], dict[int, tuple[float, float]]]
 
 
-def thing(number: int, x: float, y: float, existence: float = 0.99) -> DetectedObject:
+def thing(number: int, x: float, y: float, existence: float = 0.9999) -> DetectedObject:
     return DetectedObject(number, x - 18, y - 16, 36, 32, 1, 1, existence, "belt", vy=SPEED)
 
 
@@ -162,7 +162,7 @@ def test_the_next_lump_is_said_once_and_a_track_that_was_lost_is_no_next_one() -
 
 
 def test_what_stands_takes_its_existence_along() -> None:
-    insect, lump = thing(1, 40, 40), thing(2, 100, 40, existence=0.7)
+    insect, lump = thing(1, 40, 40, existence=0.99), thing(2, 100, 40, existence=0.7)
     both = Detection(1 - 0.01 * 0.3 * 0.9, (insect, lump))
     left = both.without((1,), NotCounted.STANDS)
     assert abs(left.existence - 0.73) < 1e-9

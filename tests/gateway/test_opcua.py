@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,12 @@ async def session(live: tuple[Plant, Gateway, Path], user: str | None = None, pa
         client.set_password(password)
     async with client:
         yield client
+
+
+def run_apart(work: Coroutine[Any, Any, None]) -> None:
+    """In a thread of its own: where a browser was driven before, this one has a loop that runs."""
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(asyncio.run, work).result()
 
 
 async def eventually(condition: Callable[[], Awaitable[object]]) -> None:
@@ -105,7 +112,7 @@ def test_values_carry_status_and_source_time(live: tuple[Plant, Gateway, Path]) 
             plant.beating = True
             await eventually(good)
 
-    asyncio.run(look())
+    run_apart(look())
 
 
 def test_users_acknowledge_and_shelve_and_others_only_read(live: tuple[Plant, Gateway, Path]) -> None:
@@ -129,7 +136,7 @@ def test_users_acknowledge_and_shelve_and_others_only_read(live: tuple[Plant, Ga
                 pass
 
     done = len(plant.deeds)
-    asyncio.run(act())
+    run_apart(act())
     assert plant.deeds[done:] == [
         ("ack", {"actor": "plc", "class": "lump"}),
         ("shelve", {"actor": "plc", "class": "blind", "reason": "dust", "for_s": 60.0}),
@@ -156,7 +163,7 @@ def test_alarms_are_events(live: tuple[Plant, Gateway, Path]) -> None:
 
             await eventually(came)
 
-    asyncio.run(listen())
+    run_apart(listen())
     event = next(event for event in seen if "UNACKNOWLEDGED" in event.Message.Text)
     assert (event.SourceName, event.Severity) == ("cam/apron", 700)
     plant.decision, plant.objects, plant.alarms = Decision.CLEAR, (), {}
@@ -168,7 +175,7 @@ def test_without_a_policy_nobody_comes_in(live: tuple[Plant, Gateway, Path]) -> 
             pass
 
     with pytest.raises((asyncua.ua.UaError, ConnectionError, asyncio.TimeoutError)):
-        asyncio.run(plain())
+        run_apart(plain())
 
 
 def test_an_address_that_others_reach_needs_a_certificate() -> None:
