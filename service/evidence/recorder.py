@@ -139,7 +139,7 @@ class Recorder:
         """The next frame; with the state before it, where `wants_state` asked for it."""
         if not self._config.enabled:
             return
-        if before is not None:
+        if before is not None and self._may_begin(kept):
             self._groups.append(_Group(before))
         group = self._groups[-1]
         size = kept.frame.data.nbytes
@@ -154,6 +154,13 @@ class Recorder:
                 recording.size += size
         self._trim(kept.frame.capture_s)
         self.tick(kept.now_s)
+
+    def _may_begin(self, kept: Moment) -> bool:
+        """Whether a group begins: with a frame that was decided on, where one comes in time. On others what was decided
+        before stands, which the filters' state does not hold."""
+        if not self._groups or all(result.decided for result in kept.results):
+            return True
+        return kept.frame.capture_s - self._groups[-1].kept[0].frame.capture_s >= 2 * STATE_EVERY_S
 
     def wants(self, trigger: Trigger) -> bool:
         """Whether `begin` would begin a clip."""

@@ -44,6 +44,23 @@ def test_a_clip_has_its_pre_roll_and_its_post_roll() -> None:
     assert clip.kept[3].frame is one.live[clip.kept[3].frame.seq].frame
 
 
+@pytest.mark.parametrize("more_s", [0.0, 0.1, 0.2, 0.3])
+def test_a_clip_begins_with_a_frame_that_was_decided_on(more_s: float) -> None:
+    """Between such frames stands what was decided before, which the state of the filters does not hold."""
+    config = camera()
+    rois = tuple(roi.model_copy(update={"decide_hz": 4.0}) for roi in config.rois)
+    paced = config.model_copy(update={"rois": rois})
+    one = Scene(
+        paced, {"apron": prior()}, EvidenceConfig.model_validate({"pre_roll_s": 2.0, "post_roll_s": 1.0})
+    )
+    one.show(5.0 + more_s, dark)
+    assert one.begin("apron", AlarmClass.LUMP, one.live[-1].frame.received_s + 0.01)  # type: ignore[union-attr]
+    one.show(3.0, dark)
+    (clip,) = one.clips
+    assert not all(kept.results[0].decided for kept in clip.kept)
+    assert clip.kept[0].results[0].decided
+
+
 def test_alarms_that_follow_each_other_get_a_clip_each() -> None:
     one = scene(pre_roll_s=1.0, post_roll_s=2.0)
     one.show(2.0, dark)
