@@ -156,8 +156,10 @@ class Recorder:
         self.tick(kept.now_s)
 
     def _may_begin(self, kept: Moment) -> bool:
-        """Whether a group begins: with a frame that was decided on, where one comes in time. On others what was decided
-        before stands, which the filters' state does not hold."""
+        """Whether a group begins: with a frame that was decided on, where one comes in time.
+
+        On others what was decided before stands, which the filters' state does not hold.
+        """
         if not self._groups or all(result.decided for result in kept.results):
             return True
         return kept.frame.capture_s - self._groups[-1].kept[0].frame.capture_s >= 2 * STATE_EVERY_S
