@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.lens import Lens
 from lumpwatch.models.plane import BeltPlane, fit_plane, measure, on_belt, rectangle_of_width
-from lumpwatch.service.config import CalibrationConfig
+from lumpwatch.service.config import CalibrationConfig, RoiConfig
 
 Array = NDArray[np.float64]
 
@@ -36,18 +36,18 @@ def make_plane(config: CalibrationConfig, width: int, height: int) -> BeltPlane:
     return plane
 
 
-def ride_s(
-    config: CalibrationConfig, width: int, height: int, corners: Iterable[tuple[float, float]]
-) -> float | None:
-    """How long a lump takes from the farthest of these corners (relative to the picture) to the lip; None: not known.
+def ride_s(roi: RoiConfig, width: int, height: int) -> float | None:
+    """How long a lump takes from the region's farthest corner to the lip, in pictures of that size; None: not known.
 
     Raises ValueError.
     """
-    if config.speed_m_s is None:
+    config = roi.calibration
+    if config is None or config.speed_m_s is None:
         return None
     plane, still, side = make_plane(config, width, height), np.zeros(2), width / 100
     places = (
-        measure(plane, np.array([x * width, y * height, side, side]), still, np.ones(6)) for x, y in corners
+        measure(plane, np.array([x * width, y * height, side, side]), still, np.ones(6))
+        for x, y in roi.polygon
     )
     farthest_m = max((found.distance_m.value for found in places if found is not None), default=0.0)
     return farthest_m / config.speed_m_s if farthest_m > 0.0 else None

@@ -36,7 +36,7 @@ def decide_hz(roi: RoiConfig, sight: SightConfig, width: int, height: int) -> fl
         return roi.decide_hz
     if not _reads_by_seconds(roi):
         return None
-    ride = None if roi.calibration is None else ride_s(roi.calibration, width, height, roi.polygon)
+    ride = ride_s(roi, width, height)
     left_s = sight.within_s
     if ride is not None:
         asked_s = max(roi.proof_test.least_warning_s, LEAST_WARNING_S) + roi.alarm.on_delay_s
@@ -47,7 +47,7 @@ def decide_hz(roi: RoiConfig, sight: SightConfig, width: int, height: int) -> fl
 def never_clear(roi: RoiConfig, sight: SightConfig, width: int, height: int) -> str | None:
     """Why a region that is decided on as seldom as configured can never be CLEAR; None: it can. Raises ValueError."""
     rate_hz = decide_hz(roi, sight, width, height)
-    ride = None if roi.calibration is None else ride_s(roi.calibration, width, height, roi.polygon)
+    ride = ride_s(roi, width, height)
     if rate_hz is None or ride is None or rate_hz * ride > sight.least_frames:
         return None
     return (

@@ -25,9 +25,7 @@ from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import Prior, PriorStore
 from lumpwatch.service.training import (
-    Material,
     Surest,
-    Trained,
     accept,
     accept_proposals,
     clips_of,
@@ -212,10 +210,15 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
     clips = clips_of(pairs, arguments.without_lumps)
     told = Told(arguments.json)
     material, trained = learn_from(camera, roi, clips, told, choosing=True)
+
+    def judged(stored: Prior) -> str | None:
+        draw_where_wanted(arguments.plot, stored)
+        return judge(arguments, store, roi, material, trained, stored, told)
+
     acceptance = accept(
         store,
         trained.as_prior(camera.id, roi, material.source, datetime.now(UTC)),
-        lambda stored: _judged(arguments, store, roi, material, trained, stored, told),
+        judged,
         shadow=arguments.shadow,
         use_anyway=arguments.use_anyway,
     )
@@ -229,16 +232,3 @@ def _train(arguments: argparse.Namespace, config: SiteConfig, camera: CameraConf
         f"--version {acceptance.prior.version}\n"
     )
     return 1
-
-
-def _judged(
-    arguments: argparse.Namespace,
-    store: PriorStore,
-    roi: RoiConfig,
-    material: Material,
-    trained: Trained,
-    stored: Prior,
-    told: Told,
-) -> str | None:
-    draw_where_wanted(arguments.plot, stored)
-    return judge(arguments, store, roi, material, trained, stored, told)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from lumpwatch.service.config.alarm import AlarmConfig, BlockedAlarmConfig
-from lumpwatch.service.config.base import Id, PositiveSeconds, Strict, Unit
+from lumpwatch.service.config.base import Id, PositiveSeconds, Strict, Unit, kind_or
 from lumpwatch.service.config.calibration import CalibrationConfig
 from lumpwatch.service.config.detector import DetectorConfig
 from lumpwatch.service.config.feed import FeedConfig, MouthConfig
@@ -255,13 +255,9 @@ class CameraConfig(Strict):
         raise KeyError(roi_id)
 
 
-def _likelihood_of(detector: Any) -> str | None:
+def _likelihood_of(detector: Any) -> Any:
     """Kind of the likelihood of a detector as it was given; None for a tracker, and for what is no detector."""
-    if isinstance(detector, JdtConfig):
-        return detector.likelihood.kind
-    if not isinstance(detector, dict) or detector.get("kind", "jdt") != "jdt":
+    if kind_or("jdt")(detector) != "jdt":
         return None
-    likelihood = detector.get("likelihood", {})
-    if isinstance(likelihood, dict):
-        return str(likelihood.get("kind", "lump"))
-    return getattr(likelihood, "kind", None)
+    likelihood = detector.get("likelihood", {}) if isinstance(detector, dict) else detector.likelihood
+    return kind_or("lump")(likelihood)

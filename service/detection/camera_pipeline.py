@@ -15,7 +15,7 @@ from math import isfinite
 
 from lumpwatch.models.roi import Roi
 from lumpwatch.service.belt import camera_pace, make_pace, ride_s
-from lumpwatch.service.config import CameraConfig, RoiConfig
+from lumpwatch.service.config import CameraConfig
 from lumpwatch.service.core import (
     Alarm,
     AlarmAction,
@@ -308,7 +308,7 @@ class CameraPipeline:
             if region.channel.size != (width, height):
                 region.channel.fit(width, height)
                 region.sight.begin()
-            region.sight.ride(_ride_s(region.channel.config, width, height))
+            region.sight.ride(ride_s(region.channel.config, width, height))
         except Exception as error:  # whatever it is: it must not take the other regions with it
             region.unfit = str(error) or type(error).__name__
             log.error(  # noqa: TRY400 - the line says it, unless it is a surprise
@@ -545,13 +545,6 @@ def _unknown(channel: RegionChannel | MouthChannel) -> BlindReason | None:
     if not channel.known:
         return BlindReason.STARTING
     return None if channel.sees else BlindReason.HIDDEN
-
-
-def _ride_s(config: RoiConfig, width: int, height: int) -> float | None:
-    """How long a lump takes across the region; None where that is not known."""
-    if config.calibration is None:
-        return None
-    return ride_s(config.calibration, width, height, config.polygon)
 
 
 def _reason_text(reason: BlindReason | None, region: _Region) -> str | None:

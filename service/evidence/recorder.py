@@ -131,9 +131,7 @@ class Recorder:
         if shape != self._shape:
             self.restart()
             self._shape = shape
-        return not self._groups or (
-            frame.capture_s - self._groups[-1].kept[0].frame.capture_s >= STATE_EVERY_S
-        )
+        return not self._groups or self._since_state(frame) >= STATE_EVERY_S
 
     def add(self, kept: Moment, before: Mapping[str, Snapshot] | None) -> None:
         """The next frame; with the state before it, where `wants_state` asked for it."""
@@ -162,7 +160,11 @@ class Recorder:
         """
         if not self._groups or all(result.decided for result in kept.results):
             return True
-        return kept.frame.capture_s - self._groups[-1].kept[0].frame.capture_s >= 2 * STATE_EVERY_S
+        return self._since_state(kept.frame) >= 2 * STATE_EVERY_S
+
+    def _since_state(self, frame: Frame) -> float:
+        """Seconds since the frame before which the state was kept last."""
+        return frame.capture_s - self._groups[-1].kept[0].frame.capture_s
 
     def wants(self, trigger: Trigger) -> bool:
         """Whether `begin` would begin a clip."""

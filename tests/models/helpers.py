@@ -35,16 +35,17 @@ def flat(log_ratio: float) -> Seen:
 
 @dataclass(frozen=True)
 class Drift:
-    """A motion model on the line: x moves at a given speed and diffuses."""
+    """A motion model on the line: x (or another value of the state) moves at a given speed and diffuses."""
 
     name: str
     speed: float
     noise: float
     momentary: bool = False
+    along: int = X
 
     def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
         moved = states.copy()
-        moved[:, X] += self.speed * dt + self.noise * np.sqrt(dt) * rng.standard_normal(len(states))
+        moved[:, self.along] += self.speed * dt + self.noise * np.sqrt(dt) * rng.standard_normal(len(states))
         return moved
 
 

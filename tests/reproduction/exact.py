@@ -19,7 +19,7 @@ from lumpwatch.models import AdaptiveSwitching, ExistenceChain, JdtFilter, blank
 from lumpwatch.models.jdt.filter import Form, Step
 from lumpwatch.models.jdt.switching import conditional, joint_probabilities
 from lumpwatch.models.state import States, Y
-from tests.models.helpers import births_over, flat_profile
+from tests.models.helpers import Drift, births_over, flat_profile
 from tests.models.oracles import LineFilter
 from tests.reproduction import exact_page
 from tests.reproduction.exact_page import (
@@ -44,24 +44,7 @@ SPEEDS, NOISES = (18.0, 75.0), (6.0, 15.0)
 NUMBERS = (100, 300, 1000, 3000, 10_000)
 SEEDS = 20
 
-
-@dataclass(frozen=True)
-class Down:
-    """A motion model on the line: the row moves at a given speed and diffuses."""
-
-    name: str
-    speed: float
-    noise: float
-    momentary: bool = False
-
-    def move(self, states: States, dt: float, rng: np.random.Generator) -> States:
-        """The states (n, 8) after `dt` seconds."""
-        moved = states.copy()
-        moved[:, Y] += self.speed * dt + self.noise * np.sqrt(dt) * rng.standard_normal(len(states))
-        return moved
-
-
-MODELS = (Down("belt", SPEEDS[0], NOISES[0]), Down("fall", SPEEDS[1], NOISES[1]))
+MODELS = tuple(Drift(name, SPEEDS[k], NOISES[k], along=Y) for k, name in enumerate(("belt", "fall")))
 CHAIN = ExistenceChain(birth_rate=0.3, death_rate=0.1)
 
 
