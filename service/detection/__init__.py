@@ -2,6 +2,7 @@
 
 from lumpwatch.service.detection.belt_view import draw_belt, seen_belt
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.channel import RegionMisfitError
 from lumpwatch.service.detection.detectors.base import SHOWN_ABOVE, Detector, FilterState
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S, make_likelihood, make_profile
 from lumpwatch.service.detection.detectors.jdt import JdtDetector
@@ -10,7 +11,7 @@ from lumpwatch.service.detection.network import make_network
 from lumpwatch.service.detection.observer import Unobserved
 from lumpwatch.service.detection.picture_quality import CameraQuality
 from lumpwatch.service.detection.region import make_region
-from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel, RegionMisfitError
+from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel
 from lumpwatch.service.detection.shadow.shadows import Shadows
 from lumpwatch.service.detection.shipped_likelihood import default_likelihood, make_net
 from lumpwatch.service.detection.sight import SightState

@@ -1,11 +1,12 @@
 """One region that watches a mouth, step by step: cut, quality, what stands in it, and whether that blocks it.
 
-It stands beside `RegionChannel` and answers to the same calls, but it looks for no lumps: it has no filter, no prior
-and no lump alarm. What the feed does and which lumps come is told by the region of the belt (`hear`).
+It looks for no lumps: it has no filter, no prior and no lump alarm. What the feed does and which lumps come is told by
+the region of the belt (`hear`).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import perf_counter
 
 import cv2
@@ -16,17 +17,24 @@ from lumpwatch.models.roi import Roi, make_roi
 from lumpwatch.service.config import RoiConfig
 from lumpwatch.service.core import (
     Alarm,
+    AlarmClass,
+    BlindReason,
     Blockage,
     BlockedReason,
+    Decision,
     Detection,
     FeedState,
     FeedStatus,
     Frame,
+    PictureQuality,
+    Transition,
+    step_alarm,
     working_luma,
 )
-from lumpwatch.service.detection.detectors.base import FilterState, StateMismatchError
+from lumpwatch.service.detection.channel import Heard, RegionMisfitError
+from lumpwatch.service.detection.detectors.base import Detector, FilterState, StateMismatchError
 from lumpwatch.service.detection.observer import ChannelListener, Unobserved
-from lumpwatch.service.detection.region_channel import EveryPictureFit, PictureJudge, RegionMisfitError
+from lumpwatch.service.detection.picture_judge import EveryPictureFit, PictureJudge
 from lumpwatch.service.detection.snapshot import Snapshot
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage import Prior
@@ -40,6 +48,9 @@ _NOTHING = Detection(existence=0.0, objects=())
 class MouthChannel:
     """Used by one thread. `fit` comes first; times are seconds on one clock and rise from step to step."""
 
+    alarm_class = AlarmClass.BLOCKED
+    found = Decision.BLOCKED
+
     def __init__(
         self,
         config: RoiConfig,
@@ -51,10 +62,10 @@ class MouthChannel:
         self.config = config
         self.pictures: PictureJudge = pictures or EveryPictureFit()
         self.alarm = Alarm()
-        """Of class lump: it stays as it is."""
+        """Of class blocked."""
         self.prior: Prior | None = None
         """None, always."""
-        self.detector = None
+        self.detector: Detector | None = None
         """None, always."""
         self.detection: Detection | None = None
         """Nothing, once a frame was judged."""
@@ -63,20 +74,24 @@ class MouthChannel:
         self.last_s: float | None = None
         self.feed = FeedStatus()
         """What the belt's region says of the feed."""
+        # The delay counts while the feed runs only, so it is applied here.
+        self._rules = config.alarm.blocked.model_copy(update={"on_delay_s": 0.0})
         self._runs = True
         self._arrivals: tuple[Arrival, ...] = ()
         self._watch: MouthWatch | None = None
         self._listener: ChannelListener = listener or Unobserved()
 
     @property
-    def known(self) -> bool:
-        """Whether the mouth itself is known."""
-        return self._watch is not None and self._watch.state.known
+    def belt(self) -> str | None:
+        """The region of the belt before the mouth."""
+        return self.config.mouth.belt
 
     @property
-    def sees(self) -> bool:
-        """Whether the mouth shows more than noise."""
-        return self._watch is None or self._watch.state.sees
+    def unknown(self) -> BlindReason | None:
+        """STARTING until it was seen to swallow; HIDDEN where nothing can be told from noise."""
+        if self._watch is None or not self._watch.state.known:
+            return BlindReason.STARTING
+        return None if self._watch.state.sees else BlindReason.HIDDEN
 
     @property
     def blockage(self) -> Blockage | None:
@@ -88,26 +103,29 @@ class MouthChannel:
             reason = BlockedReason.LUMP if state.lump else BlockedReason.STANDING
         return Blockage(standing=state.share, stood_s=state.stood_s, reason=reason)
 
-    def blocked(self, *, active: bool, may_clear: bool) -> bool:
-        """Whether the condition of the alarm holds, the delay applied; `active`: whether it holds already.
+    def unfit(self, quality: PictureQuality) -> BlindReason | None:
+        """A blocked mouth stands as a frozen stream does, but then the belt stands as well."""
+        if quality.reason is BlindReason.FROZEN and self.feed.state is FeedState.RUNNING:
+            return None
+        return quality.reason
 
-        Then only what is seen ends it: not a picture that is unfit, nor a mouth that is not known yet.
+    def _blocked(self, may_clear: bool) -> bool:
+        """Whether the condition of the alarm holds, the delay applied.
+
+        Once it does, only what is seen ends it: not a picture that is unfit, nor a mouth that is not known yet.
         """
         if self._watch is None:
-            return active
+            return self.alarm.active
         state = self._watch.state
-        if active:
+        if self.alarm.active:
             return state.stuck or not state.known or not may_clear or not self._fit_now()
         return state.stuck and state.stood_s >= self.config.alarm.blocked.on_delay_s - 1e-6
 
-    def hear(self, feed: FeedStatus, plant_runs: bool | None, lumps: Detection | None) -> None:
-        """What the feed does before the next frame, what the plant says of it, and what is followed on the belt.
-
-        A feed that is not known counts as running: a blockage must not go unseen for that.
-        """
-        self.feed = feed
-        self._runs = feed.state is FeedState.RUNNING or (
-            feed.state is FeedState.UNKNOWN and plant_runs is not False
+    def hear(self, heard: Heard) -> None:
+        """A feed that is not known counts as running: a blockage must not go unseen for that."""
+        self.feed, lumps = heard.feed, heard.lumps
+        self._runs = heard.feed.state is FeedState.RUNNING or (
+            heard.feed.state is FeedState.UNKNOWN and heard.plant_runs is not False
         )
         self._arrivals = () if lumps is None or not self.config.mouth.lumps else self._before(lumps)
 
@@ -132,11 +150,10 @@ class MouthChannel:
 
     def step(
         self, frame: Frame, *, now_s: float | None = None, may_learn: bool = True, may_clear: bool = True
-    ) -> None:
-        """One frame of the fitted size: cut the mouth where it lies now, and see what stands in it.
+    ) -> Transition | None:
+        """One frame of the fitted size: cut the mouth where it lies now, see what stands in it, and step the alarm.
 
-        Without `may_learn` the picture is of the past and changes nothing. `now_s` and `may_clear` are not looked at:
-        the alarm is stepped by `blocked`. Raises whatever is wrong with the frame.
+        Without `may_learn` the picture is of the past and changes nothing. Raises whatever is wrong with the frame.
         """
         began = perf_counter()
         watch, geometry = self._fitted()
@@ -153,6 +170,13 @@ class MouthChannel:
         self._listener.stage("cut", name, cut - began)
         self._listener.stage("quality", name, observed - cut)
         self._listener.stage("mouth", name, perf_counter() - observed)
+        decided_s = time_s if now_s is None else now_s
+        holds = float(self._blocked(may_clear))
+        self.alarm, transition = step_alarm(self.alarm, self._rules, holds, decided_s, observed_s=time_s)
+        found = self.blockage
+        if transition is None or found is None or found.reason is None:
+            return transition
+        return replace(transition, reason=found.reason.value)
 
     def begin_anew(self) -> None:
         """Forget what was seen, after it has failed: the mouth must be learned again."""
@@ -171,13 +195,18 @@ class MouthChannel:
 
     def snapshot(self) -> Snapshot:
         """All that the next step depends on, but what is heard of the belt."""
-        state = None if self._watch is None else FilterState(*self._watch.snapshot())
         return Snapshot(
-            last_capture_s=self.last_s, size=self.size, filter=state, sizes={}, alarms={}, prior=None
+            last_capture_s=self.last_s,
+            size=self.size,
+            filter=None if self._watch is None else FilterState(*self._watch.snapshot()),
+            sizes={},
+            alarms={AlarmClass.BLOCKED: self.alarm},
+            prior=None,
         )
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from there. Raises StateMismatchError, and what `fit` raises."""
+        self.alarm = snapshot.alarms.get(AlarmClass.BLOCKED, self.alarm)
         self.last_s, self.size = snapshot.last_capture_s, None
         if snapshot.size is None:
             return

@@ -1,4 +1,4 @@
-"""The alarms of one region: the lump alarm that its channel steps, and those of blindness and trouble."""
+"""The alarms of one region: the one that its channel steps, and those of blindness and trouble."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from lumpwatch.service.core import (
     step_alarm,
     tick_alarm,
 )
-from lumpwatch.service.detection.mouth_channel import MouthChannel
-from lumpwatch.service.detection.region_channel import RegionChannel
+from lumpwatch.service.detection.channel import Channel
 
 _ROUNDING_S = 1e-6
 
@@ -29,29 +28,22 @@ _ROUNDING_S = 1e-6
 class RegionAlarms:
     """Every method returns what became of the alarms, in order."""
 
-    def __init__(self, channel: RegionChannel | MouthChannel) -> None:
+    def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._others: dict[AlarmClass, Alarm] = {
-            alarm_class: Alarm() for alarm_class in AlarmClass if alarm_class is not AlarmClass.LUMP
+            alarm_class: Alarm() for alarm_class in AlarmClass if alarm_class is not channel.alarm_class
         }
         self._blind = Spells()
         rules = channel.config.alarm.blind
         self._at_once = rules.model_copy(update={"on_delay_s": 0.0, "off_delay_s": 0.0})
-        # Its delay counts while the feed runs only, so the channel applies it.
-        self._blocked = channel.config.alarm.blocked.model_copy(update={"on_delay_s": 0.0})
         self._troubles: frozenset[Trouble] = frozenset()
         self._announced: frozenset[Trouble] = frozenset()
         """Those that the system alarm has been announced for."""
 
     def now(self) -> dict[AlarmClass, Alarm]:
         """All of them as they stand."""
-        return {AlarmClass.LUMP: self._channel.alarm, **self._others}
-
-    @property
-    def decides(self) -> bool:
-        """Whether the alarm stands that the region watches for: of a lump, or of a blocked mouth."""
-        mouth = self._channel.config.watches_mouth
-        return self._others[AlarmClass.BLOCKED].active if mouth else self._channel.alarm.active
+        both = {self._channel.alarm_class: self._channel.alarm, **self._others}
+        return {alarm_class: both[alarm_class] for alarm_class in AlarmClass}
 
     def restore(self, alarms: Mapping[AlarmClass, Alarm]) -> None:
         """Go on with these; others stay."""
@@ -63,17 +55,8 @@ class RegionAlarms:
         self._troubles = self._troubles | {what} if present else self._troubles - {what}
 
     def stepped(self, transition: Transition | None) -> tuple[AlarmChange, ...]:
-        """The channel has stepped the lump alarm."""
-        return self._changes(AlarmClass.LUMP, all_of((self._channel.alarm, transition)))
-
-    def looked(self, channel: MouthChannel, now_s: float, *, may_clear: bool) -> tuple[AlarmChange, ...]:
-        """The channel has looked at its mouth."""
-        before, found = self._others[AlarmClass.BLOCKED], channel.blockage
-        holds = channel.blocked(active=before.active, may_clear=may_clear)
-        alarm, transition = step_alarm(before, self._blocked, float(holds), now_s, observed_s=channel.last_s)
-        if transition is not None and found is not None and found.reason is not None:
-            transition = replace(transition, reason=found.reason.value)
-        return self._changes(AlarmClass.BLOCKED, all_of((alarm, transition)))
+        """The channel has stepped its alarm."""
+        return self._changes(self._channel.alarm_class, all_of((self._channel.alarm, transition)))
 
     def apply(self, alarm_class: AlarmClass, action: AlarmAction, now_s: float) -> tuple[AlarmChange, ...]:
         """What an operator or the plant does to an alarm; raises what `action` raises."""
@@ -116,7 +99,7 @@ class RegionAlarms:
         return self._channel.config.alarm.of_class(alarm_class)
 
     def _put(self, alarm_class: AlarmClass, alarm: Alarm) -> None:
-        if alarm_class is AlarmClass.LUMP:
+        if alarm_class is self._channel.alarm_class:
             self._channel.alarm = alarm
         else:
             self._others[alarm_class] = alarm

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -22,6 +21,9 @@ from lumpwatch.service.config import DetectorConfig, JdtConfig, RoiConfig
 from lumpwatch.service.core import (
     Alarm,
     AlarmClass,
+    BlindReason,
+    Blockage,
+    Decision,
     Detection,
     FeedState,
     FeedStatus,
@@ -34,6 +36,7 @@ from lumpwatch.service.core import (
     working_colour,
     working_luma,
 )
+from lumpwatch.service.detection.channel import Heard, RegionMisfitError
 from lumpwatch.service.detection.choices import with_choices
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.filters import DEFAULT_INTERVAL_S
@@ -42,6 +45,7 @@ from lumpwatch.service.detection.detectors.make import make_detector
 from lumpwatch.service.detection.feed_watch import FeedWatch
 from lumpwatch.service.detection.next_lump import NextLump
 from lumpwatch.service.detection.observer import ChannelListener, Unobserved
+from lumpwatch.service.detection.picture_judge import EveryPictureFit, PictureJudge
 from lumpwatch.service.detection.region import make_region
 from lumpwatch.service.detection.sizing import Sizer
 from lumpwatch.service.detection.snapshot import Snapshot
@@ -56,58 +60,14 @@ ANOTHER_LUMP = "another_lump"
 _ROUNDING = 1e-9
 
 
-class RegionMisfitError(LumpwatchError):
-    """A region's polygon or calibration makes no sense in pictures of this size."""
-
-
-class PictureJudge(Protocol):
-    """Knows where a region lies and whether its picture is fit; `CameraQuality` does so live."""
-
-    def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
-        """The region where it lies now, and by how many pixels of the picture it was moved."""
-
-    def observe(self, roi: str, gray: Image, time_s: float) -> None:
-        """A new working picture (h, w)."""
-
-    def strangers(self, roi: str, detection: Detection, time_s: float) -> tuple[int, ...]:
-        """Identities of the objects in that picture that are not on the belt, before the region was moved."""
-
-    def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
-        """What the filter made of that picture."""
-
-    def current(self, roi: str) -> PictureQuality:
-        """What is known of the picture now."""
-
-
-class EveryPictureFit:
-    """A judge that takes every picture for fit, and the region's place from others."""
-
-    def __init__(self) -> None:
-        self.offset_px = (0, 0)
-        """How far the region was moved along with the camera."""
-
-    def placed(self, roi_id: str, roi: Roi, width: int, height: int) -> tuple[Roi, tuple[int, int]]:
-        """At the offset that was set."""
-        x, y = self.offset_px
-        return roi.at(roi.x + x, roi.y + y), (x, y)
-
-    def observe(self, roi: str, gray: Image, time_s: float) -> None:
-        """Nothing."""
-
-    def strangers(self, roi: str, detection: Detection, time_s: float) -> tuple[int, ...]:
-        """None."""
-        return ()
-
-    def filtered(self, roi: str, detection: Detection, time_s: float) -> None:
-        """Nothing."""
-
-    def current(self, roi: str) -> PictureQuality:
-        """Fit."""
-        return PictureQuality(offset_px=self.offset_px)
-
-
 class RegionChannel:
     """Used by one thread. `fit` comes first; times are seconds on one clock and rise from step to step."""
+
+    alarm_class = AlarmClass.LUMP
+    found = Decision.LUMP
+    belt: str | None = None
+    blockage: Blockage | None = None
+    unknown: BlindReason | None = None
 
     def __init__(
         self,
@@ -161,6 +121,13 @@ class RegionChannel:
             return FeedStatus()
         visible = None if self._visible is None else self._visible.sizes
         return replace(self._feed.status, visible=visible)
+
+    def hear(self, heard: Heard) -> None:
+        """Nothing: it looks at its belt itself."""
+
+    def unfit(self, quality: PictureQuality) -> BlindReason | None:
+        """The quality's own reason."""
+        return quality.reason
 
     def fit(self, width: int, height: int) -> None:
         """Make geometry, sizes and filter for pictures of that size; nothing where they are of that size already.

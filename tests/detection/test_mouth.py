@@ -27,6 +27,7 @@ from lumpwatch.service.core import (
     RoiResult,
 )
 from lumpwatch.service.detection import CameraPipeline
+from lumpwatch.service.detection.channel import Heard
 from lumpwatch.service.detection.mouth_channel import MouthChannel
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import decode_state
@@ -163,7 +164,7 @@ def test_the_feed_of_the_belt_and_the_plant_decide_whether_time_counts() -> None
         (FeedState.UNKNOWN, True),
         (FeedState.UNKNOWN, False),
     ):
-        channel.hear(FeedStatus(state), plant, None)
+        channel.hear(Heard(FeedStatus(state), plant))
         counts.append(channel._runs)
     assert counts == [True, True, False, False, True, True, False]
 
@@ -183,13 +184,13 @@ def test_a_lump_that_was_followed_into_the_mouth_and_stands_there(waited: bool, 
             ore[16:48, 40:80] = WALL[16:48, 40:80]
         data = np.asarray(np.clip(ore + rng.normal(0, 1.5, ore.shape), 0, 255), np.uint8)
         before = came and 48 <= k < 54
-        channel.hear(FeedStatus(FeedState.RUNNING), None, found if before else Detection(0.0, ()))
+        channel.hear(Heard(FeedStatus(FeedState.RUNNING), None, found if before else Detection(0.0, ())))
         at = k * STEP_S
         channel.step(Frame(k, at, at, at, WIDTH, HEIGHT, "gray8", data))
     assert channel.blockage is not None
     blocks = waited and came
     assert channel.blockage.reason is (BlockedReason.LUMP if blocks else None)
-    assert channel.blocked(active=False, may_clear=True) is blocks
+    assert channel.alarm.active is blocks
 
 
 def test_a_mouth_has_no_prior() -> None:

@@ -18,8 +18,8 @@ from lumpwatch.service.core.decision import BlindReason, Decision, RoiResult, Tr
 from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.detection.camera_pipeline import CameraPipeline
+from lumpwatch.service.detection.channel import RegionMisfitError
 from lumpwatch.service.detection.detectors.jdt import JdtDetector
-from lumpwatch.service.detection.region_channel import RegionMisfitError
 from lumpwatch.service.storage.prior_file import Prior
 from tests.service_helpers import (
     HEIGHT,

@@ -15,9 +15,11 @@ from lumpwatch.service.core.alarm import AlarmState, Change
 from lumpwatch.service.core.crop import working_luma
 from lumpwatch.service.core.detection import Detection
 from lumpwatch.service.core.frame import Frame
+from lumpwatch.service.detection.channel import RegionMisfitError
 from lumpwatch.service.detection.detectors.base import Detector
 from lumpwatch.service.detection.detectors.jdt import JdtDetector
-from lumpwatch.service.detection.region_channel import EveryPictureFit, RegionChannel, RegionMisfitError
+from lumpwatch.service.detection.picture_judge import EveryPictureFit
+from lumpwatch.service.detection.region_channel import RegionChannel
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.storage.prior_file import Prior
 from tests.service_helpers import HEIGHT, WIDTH, camera, frame, prior

@@ -16,7 +16,8 @@ from lumpwatch.service.belt import camera_pace
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection.detectors.make import make_detector
-from lumpwatch.service.detection.region_channel import EveryPictureFit, MakeDetector, RegionChannel
+from lumpwatch.service.detection.picture_judge import EveryPictureFit
+from lumpwatch.service.detection.region_channel import MakeDetector, RegionChannel
 from lumpwatch.service.detection.shadow.budget import Budget
 from lumpwatch.service.detection.shadow.differences import Difference, Differences
 from lumpwatch.service.errors import LumpwatchError
