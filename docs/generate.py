@@ -15,7 +15,7 @@ from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
 from lumpwatch.service.protocol.messages import StateLine
 from lumpwatch.service.protocol.schemas import MESSAGES
-from lumpwatch.service.telemetry import CameraMetrics, DaemonMetrics, MonitorMetrics
+from lumpwatch.service.telemetry import CameraMetrics, DaemonMetrics, HubMetrics, MonitorMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
 
 HERE = Path(__file__).parent / "reference"
@@ -54,6 +54,7 @@ def metrics_page() -> str:
     """Every metric."""
     registry = CollectorRegistry()
     DaemonMetrics(registry, "0", Path())
+    HubMetrics(registry)
     CameraMetrics(registry, "c")
     shared = CollectorRegistry()
     MonitorMetrics(shared, "c", ("r",))

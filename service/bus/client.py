@@ -14,6 +14,7 @@ import zenoh
 from zenoh import CongestionControl, Priority, ext
 
 from lumpwatch.service.bus.callback_queue import Worker
+from lumpwatch.service.bus.cut_off import CutOff
 from lumpwatch.service.bus.endpoints import (
     ALARMS_KEPT,
     Callback,
@@ -32,7 +33,6 @@ from lumpwatch.service.bus.frames import FrameInbox, FramePublisher
 from lumpwatch.service.bus.handles import Handle, direct, queue, reason, shut, undeclares
 from lumpwatch.service.bus.ordering import InOrder, Message
 from lumpwatch.service.bus.services import Lanes, Service
-from lumpwatch.service.bus.slow_readers import SlowReaders
 from lumpwatch.service.bus.subscriptions import declare_alarm_subscriber, declare_subscriber
 
 _log = logging.getLogger(__name__)
@@ -60,11 +60,12 @@ class Bus:
         session: zenoh.Session,
         clock: str,
         endpoints: tuple[str, ...],
-        readers: SlowReaders | None = None,
+        cut_off: Callable[[], tuple[CutOff, ...]] = tuple,
     ) -> None:
+        """`cut_off` cuts sessions off; a hub has it."""
         self.endpoints = endpoints
         """Where a client on this host reaches the hub: wildcard hosts and port 0 are resolved."""
-        self._readers = readers
+        self._cut_off = cut_off
         self._session = session
         self._clock = clock
         self._receivers: dict[Handle, None] = {}
@@ -95,9 +96,9 @@ class Bus:
         """Whether this client reaches a hub now; one that froze counts as reached for some 10 s."""
         return not self._closed and bool(self._session.info.routers_zid())
 
-    def cut_off(self) -> tuple[str, ...]:
-        """The peers of a hub that were cut off since the last call because they did not read."""
-        return () if self._readers is None or self._closed else self._readers.look()
+    def cut_off(self) -> tuple[CutOff, ...]:
+        """Cut off who burdens a hub; those of whom that was not said yet. To be called ten times a second."""
+        return () if self._closed else self._cut_off()
 
     @property
     def flushed(self) -> bool:

@@ -16,9 +16,9 @@ import zenoh
 
 from lumpwatch.service.bus.access import Commandable, access_control
 from lumpwatch.service.bus.client import Bus
+from lumpwatch.service.bus.cut_off import watch_sessions
 from lumpwatch.service.bus.errors import BusClosed, BusError
 from lumpwatch.service.bus.handles import reason
-from lumpwatch.service.bus.slow_readers import SlowReaders
 from lumpwatch.service.config import BusConfig, TlsConfig
 
 _log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ def open_hub(config: BusConfig, commands: Iterable[Commandable] = ()) -> Bus:
     """
     if config.mode != "router":
         raise BusError("bus: mode client has no hub of its own")
-    listen = tuple(_with_port(endpoint) for endpoint in config.listen)
+    listen = with_ports(config.listen)
     settings = _settings(config, "router", listen=listen, connect=config.connect)
     if config.access is not None:
         settings.insert_json5("access_control", json.dumps(access_control(config.access, commands)))
@@ -54,17 +54,17 @@ def open_hub(config: BusConfig, commands: Iterable[Commandable] = ()) -> Bus:
     except zenoh.ZError as error:
         named = [endpoint for endpoint in listen if endpoint in str(error)] or listen
         raise BusError(f"bus: cannot listen on {', '.join(named)}: {reason(error)}") from error
-    return Bus(session, host_clock(), reachable(listen), SlowReaders(listen))
+    return Bus(session, host_clock(), reachable(listen), watch_sessions(session, listen, config))
 
 
 def open_client(config: BusConfig, stop: threading.Event | None = None, *, wait: bool = True) -> Bus:
-    """Be a client of `config.hub`; wildcard hosts mean this host.
+    """Be a client of `config.joined`; wildcard hosts mean this host.
 
     With `wait` it tries until the hub is there, says so in the log after `connect_timeout_s`, and raises
     BusClosed within some 4 s after `stop` is set; without, it raises BusError after `connect_timeout_s`.
     Once open, the session finds its hub again by itself. Raises BusError at once for a port 0.
     """
-    endpoints = reachable(config.hub)
+    endpoints = reachable(config.joined)
     if without := [endpoint for endpoint in endpoints if endpoint.endswith(":0")]:
         raise BusError(f"bus: cannot connect to {without[0]}: the hub must be given by its real port")
     stop = stop or threading.Event()
@@ -87,6 +87,11 @@ def open_client(config: BusConfig, stop: threading.Event | None = None, *, wait:
         else:
             return Bus(session, host_clock(), endpoints)
     raise BusClosed(f"bus: stopped before {', '.join(endpoints)} was there")
+
+
+def with_ports(endpoints: Iterable[str]) -> tuple[str, ...]:
+    """The endpoints with port 0 replaced by one that is free now."""
+    return tuple(_with_port(endpoint) for endpoint in endpoints)
 
 
 def reachable(endpoints: Iterable[str]) -> tuple[str, ...]:
@@ -130,6 +135,7 @@ def _settings(
         # Connections that say nothing must not take the places of those that join.
         "transport/unicast/accept_timeout": _ACCEPT_MS,
         "transport/unicast/accept_pending": _MOST_PENDING,
+        "transport/unicast/max_sessions": config.hub.sessions,
         "transport/shared_memory/enabled": config.shared_memory,
     }
     if config.tls is not None:

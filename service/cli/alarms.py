@@ -56,7 +56,7 @@ def add(commands: Commands) -> None:
 
 def as_client(bus: BusConfig) -> BusConfig:
     """How an outsider on this host joins the daemon's bus."""
-    return bus.model_copy(update={"mode": "client", "connect": bus.hub, "listen": ()})
+    return bus.model_copy(update={"mode": "client", "connect": bus.joined, "listen": ()})
 
 
 def alarms(arguments: argparse.Namespace) -> int:

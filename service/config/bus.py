@@ -58,6 +58,27 @@ class AccessConfig(Strict):
         return self
 
 
+class HubConfig(Strict):
+    """What the hub's own process may use (router mode)."""
+
+    memory_mib: Annotated[int, Field(ge=64, le=65536)] = 384
+    """How much memory the hub may take beyond what it has at its start. It ends where it would need more, and is
+    started again within some seconds; regions are BLIND where it is away for longer than `blind_after_s`."""
+    sessions: Annotated[int, Field(ge=8, le=10_000)] = 500
+    """How many sessions there may be at once, two of them for each camera."""
+    guests: Annotated[int, Field(ge=1, le=10_000)] = 100
+    """How many of them, with `access`, may be of others than `daemons`; the newest beyond are cut off. One that sends
+    more than 4 MiB at once, or 64 KiB a second for long, is cut off too."""
+
+    @model_validator(mode="after")
+    def _room(self) -> Self:
+        if self.guests >= self.sessions:
+            raise ValueError(
+                f"guests ({self.guests}) must leave room for daemons in sessions ({self.sessions})"
+            )
+        return self
+
+
 def _is_local(endpoint: str) -> bool:
     """Whether only this host reaches it, or only with a certificate."""
     protocol, _, rest = endpoint.partition("/")
@@ -87,6 +108,8 @@ class BusConfig(Strict):
     """Certificates; needed by endpoints that begin with `tls/` or `quic/`."""
     access: AccessConfig | None = None
     """Who may do what (router mode, with `tls`); without it everyone who can connect may do everything."""
+    hub: HubConfig = HubConfig()
+    """What the hub's own process may use."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -117,6 +140,6 @@ class BusConfig(Strict):
         return self
 
     @property
-    def hub(self) -> tuple[str, ...]:
+    def joined(self) -> tuple[str, ...]:
         """The endpoints that the daemon's own processes connect to as clients."""
         return self.listen if self.mode == "router" else self.connect

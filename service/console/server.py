@@ -137,7 +137,7 @@ def _as_client(config: SiteConfig) -> BusConfig:
     """How the console joins the bus: by its own certificate where it has one."""
     tls = config.console.bus_tls or config.bus.tls
     return config.bus.model_copy(
-        update={"mode": "client", "connect": config.bus.hub, "listen": (), "tls": tls, "access": None}
+        update={"mode": "client", "connect": config.bus.joined, "listen": (), "tls": tls, "access": None}
     )
 
 

@@ -177,4 +177,4 @@ def _as_client(config: SiteConfig) -> BusConfig:
     """How the gateway joins: as a client, with its own certificate where it has one."""
     bus = config.bus
     tls = config.gateway.bus_tls or bus.tls
-    return bus.model_copy(update={"mode": "client", "connect": bus.hub, "listen": (), "tls": tls})
+    return bus.model_copy(update={"mode": "client", "connect": bus.joined, "listen": (), "tls": tls})

@@ -1,6 +1,6 @@
-"""The daemon: the hub of the bus, one process a camera, one a monitor, metrics and health.
+"""The daemon: a process for the hub of the bus, one a camera, one a monitor; metrics and health.
 
-    camera process --frames--> bus --frames--> monitor process --states, alarms--> bus
+    camera process --frames--> hub --frames--> monitor process --states, alarms--> hub
 
 Camera and monitor share nothing but the bus. The daemon watches both kinds of process, kills the
 stuck, starts the dead again, and judges its own health by whether every ROI has decided lately.
@@ -21,12 +21,12 @@ from typing import Protocol
 
 from prometheus_client import CollectorRegistry
 
-from lumpwatch.service.bus import Keys, open_client, open_hub
+from lumpwatch.service.bus import BusClosed, Keys, open_client
 from lumpwatch.service.capture import run_camera
 from lumpwatch.service.config import BusConfig, CameraConfig, SiteConfig
 from lumpwatch.service.monitor import run_monitor
-from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.runtime.config_file import changed_cameras
+from lumpwatch.service.runtime.hub_keeper import HUB, HubKeeper
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
 from lumpwatch.service.storage import lock_cameras
 from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
@@ -137,13 +137,22 @@ def run(
     registry.register(relay)
     metrics = DaemonMetrics(registry, version("lumpwatch"), config.store.path, _certificates(config.bus))
     chosen = [camera for camera in config.cameras if not cameras or camera.id in cameras]
-    with contextlib.ExitStack() as stack:
+    left: list[str] = []
+    with (
+        contextlib.suppress(BusClosed),
+        contextlib.ExitStack() as stack,
+    ):  # told to stop before there was a hub
         if "monitor" in roles:
             stack.enter_context(lock_cameras(config.store.path, [camera.id for camera in chosen]))
-        router = config.bus.mode == "router"
-        hub = open_hub(config.bus, COMMANDS.values()) if router else open_client(config.bus, stop)
-        stack.callback(hub.close)
-        inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
+        hub: HubKeeper | None = None
+        inner = config
+        if config.bus.mode == "router":
+            hub = HubKeeper(config.bus, relay, metrics.restarted)
+            metrics.watched("", HUB)
+            stack.callback(lambda: left.extend(hub.stop()))
+            hub.start(stop)
+            inner = config.model_copy(update={"bus": _as_client(config.bus, hub.endpoints)})
+        bus = stack.enter_context(open_client(inner.bus, stop))
         tasks = [task for camera in chosen for task in tasks_of(inner, camera) if task.role in roles]
         for task in tasks:
             metrics.watched(task.camera, task.role)
@@ -151,16 +160,16 @@ def run(
         watched = config.model_copy(update={"cameras": tuple(chosen) if "monitor" in roles else ()})
         health = DaemonHealth(watched, supervisor)
         server = stack.enter_context(TelemetryServer(config.telemetry.address, registry, health))
-        hub.alive(Keys(config.site).alive("daemon", config.site))
-        left: list[str] = []
+        bus.alive(Keys(config.site).alive("daemon", config.site))
         stack.callback(lambda: left.extend(supervisor.stop()))
-        on_ready(Addresses(hub.endpoints, server.url))
+        on_ready(Addresses(bus.endpoints, server.url))
 
         present = config
 
         def look() -> None:
             nonlocal present
-            metrics.cut_off(hub.cut_off())
+            if hub is not None:
+                hub.watch()
             if (after := changed()) is not None:
                 present = _take_over(present, after, inner, supervisor, health, roles)
 
@@ -198,12 +207,12 @@ def watch(
     workers: Workers,
     health: DaemonHealth,
     stop: threading.Event,
-    readers: Callable[[], object] = lambda: None,
+    look: Callable[[], object] = lambda: None,
 ) -> None:
-    """Watch the workers, and the `readers` of the bus, until `stop` is set."""
+    """Watch the workers, and `look` at whatever else is watched, until `stop` is set."""
     while not stop.is_set():
         workers.watch()
-        readers()
+        look()
         health.watched()
         stop.wait(WATCH_EVERY_S)
 

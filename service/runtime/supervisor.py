@@ -44,6 +44,7 @@ class Task:
     """One worker to keep running."""
 
     camera: str
+    """Empty: of all cameras."""
     role: str
     target: Worker
     arguments: tuple[Any, ...]
@@ -52,8 +53,8 @@ class Task:
 
     @property
     def name(self) -> str:
-        """Role and camera."""
-        return f"{self.role}:{self.camera}"
+        """Role and camera; the role alone where it serves all cameras."""
+        return f"{self.role}:{self.camera}" if self.camera else self.role
 
 
 class Process(Protocol):
@@ -78,6 +79,10 @@ class Process(Protocol):
 
     def close(self) -> None:
         """Let go of one that has ended."""
+
+
+Start = Callable[[Task], tuple[Process, Connection]]
+"""Starts a process that works on a task; gives it and the daemon's end of its line."""
 
 
 def spawn(task: Task) -> tuple[Process, Connection]:
@@ -121,7 +126,7 @@ class Supervisor:
         relay: Relay,
         restarted: Callable[[str, str, str], None],
         *,
-        start: Callable[[Task], tuple[Process, Connection]] = spawn,
+        start: Start = spawn,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """`restarted` is called with camera, role and reason of each end that leads to a new start."""

@@ -4,6 +4,7 @@ from lumpwatch.service.telemetry.camera import CameraMetrics
 from lumpwatch.service.telemetry.daemon import DaemonMetrics
 from lumpwatch.service.telemetry.daemon_connection import GRACE_S, STARTING, DaemonConnection, Report, Worker
 from lumpwatch.service.telemetry.http import TelemetryServer
+from lumpwatch.service.telemetry.hub import HubMetrics
 from lumpwatch.service.telemetry.monitor import MonitorMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
@@ -16,6 +17,7 @@ __all__ = [
     "CameraMetrics",
     "DaemonConnection",
     "DaemonMetrics",
+    "HubMetrics",
     "MonitorMetrics",
     "PictureMetrics",
     "ProofMetrics",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import logging
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from lumpwatch.service.telemetry.certificates import CertificateMetrics
-
-log = logging.getLogger(__name__)
 
 
 class DaemonMetrics:
@@ -35,22 +32,10 @@ class DaemonMetrics:
         ).set(1)
         self._restarts = Counter(
             "lumpwatch_process_restarts",
-            "Worker processes that were started again; stage is camera or monitor, reason exited or stuck.",
+            "Worker processes that were started again; stage is hub, camera or monitor, reason exited or stuck.",
             ("camera", "stage", "reason"),
             registry=registry,
         )
-
-        self._cut_off = Counter(
-            "lumpwatch_bus_sessions_cut_off",
-            "Sessions that the hub ended because they did not read what waited for them.",
-            registry=registry,
-        )
-
-    def cut_off(self, peers: Sequence[str]) -> None:
-        """These sessions were ended because they did not read."""
-        for peer in peers:
-            self._cut_off.inc()
-            log.warning("bus: the session from %s did not read and was cut off", peer)
 
     def watched(self, camera: str, stage: str) -> None:
         """A worker process is watched: its first restart is to be seen as a rise from 0."""

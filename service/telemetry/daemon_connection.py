@@ -19,6 +19,7 @@ from prometheus_client import CollectorRegistry, generate_latest
 REPORT_EVERY_S = 0.5
 STARTING = "starting"
 """State of a worker that has not done its work once yet."""
+ORPHANED = "orphaned"
 GRACE_S = 3.0
 """A worker that has not stopped this long after it was asked ends itself the hard way."""
 
@@ -35,6 +36,8 @@ class Report:
     """One word on what the worker does."""
     decided: dict[str, float] = field(default_factory=dict)
     """Monotonic time of each ROI's last decision on a frame."""
+    problem: str = ""
+    """Why it cannot start, in words."""
 
 
 class DaemonConnection:
@@ -46,12 +49,19 @@ class DaemonConnection:
         self._beat_s = time.monotonic()
         self.state = STARTING
         self.decided: dict[str, float] = {}
+        self.problem = ""
         self.stop = threading.Event()
         """Set when the worker should end."""
+        self._due = threading.Event()
         self._reporter = threading.Thread(target=self._report, name="report", daemon=True)
         self._listener = threading.Thread(target=self._listen, name="listen", daemon=True)
         self._reporter.start()
         self._listener.start()
+
+    @property
+    def orphaned(self) -> bool:
+        """Whether the daemon is gone."""
+        return self.state == ORPHANED
 
     def beat(self) -> None:
         """Called by the main loop at each turn: it is not stuck."""
@@ -66,21 +76,27 @@ class DaemonConnection:
                 return True
         return self.stop.is_set()
 
+    def report_soon(self) -> None:
+        """Report now, not only when it is time: somebody waits for what has changed."""
+        self._due.set()
+
     def close(self) -> None:
         """Send the last report; called when the main loop has ended."""
         self.stop.set()
+        self._due.set()
         self._reporter.join(timeout=1.0)
         self._send()
 
     def _report(self) -> None:
         while not self.stop.is_set():
             self._send()
-            self.stop.wait(REPORT_EVERY_S)
+            self._due.wait(REPORT_EVERY_S)
+            self._due.clear()
 
     def _send(self) -> None:
         text = generate_latest(self._registry).decode()
         try:
-            self._connection.send(Report(self._beat_s, text, self.state, dict(self.decided)))
+            self._connection.send(Report(self._beat_s, text, self.state, dict(self.decided), self.problem))
         except OSError:
             self.stop.set()
 
@@ -88,7 +104,7 @@ class DaemonConnection:
         try:
             self._connection.recv()
         except (EOFError, OSError):
-            self.state = "orphaned"
+            self.state = ORPHANED
         self.stop.set()
         time.sleep(GRACE_S)
         os._exit(1)

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from lumpwatch.service.bus.callback_queue import Worker
+from lumpwatch.service.bus.connections import tcp_ports
+from lumpwatch.service.bus.cut_off import Burden, CutOff
 from lumpwatch.service.bus.endpoints import Publisher
 from lumpwatch.service.bus.errors import BusClosed
 from lumpwatch.service.bus.session import open_client, open_hub
-from lumpwatch.service.bus.slow_readers import tcp_ports
 from lumpwatch.service.core.frame import Frame
 from tests.bus.test_bus_support import Child, client_config, eventually, free_endpoint, hub_config
 
@@ -88,7 +89,7 @@ def test_frozen_readers_are_cut_off_and_alarms_are_in_time() -> None:
         eventually(lambda: arrived)
         for child in frozen:
             child.process.send_signal(signal.SIGSTOP)
-        cut: list[str] = []
+        cut: list[CutOff] = []
         longest_s = 0.0
         for number in range(1, ALARMS + 1):
             for _ in range(4):
@@ -103,6 +104,7 @@ def test_frozen_readers_are_cut_off_and_alarms_are_in_time() -> None:
         numbers = [int(payload.split()[0]) for _, payload in arrived]
         late_s = max(at - float(payload.split()[1]) for at, payload in arrived[1:])
         assert numbers == sorted(numbers)
-        assert len(set(cut)) == FROZEN
+        assert len({session.peer for session in cut}) == FROZEN
+        assert {session.burden for session in cut} == {Burden.SLOW}
     assert longest_s < 0.2, "the one that decides waited for readers"
     assert late_s < 2.0, "with zenoh's own values it is 10 to 20 s"

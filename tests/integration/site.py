@@ -128,14 +128,16 @@ cameras:
             for sample in family.samples
         )
 
-    def worker(self, role: str, camera: str) -> int:
+    def worker(self, role: str, camera: str = "") -> int:
         """Process id of one worker, as the log has it."""
-        return int(re.findall(rf"{role}:{camera} runs as process (\d+)", self.log.read_text())[-1])
+        name = f"{role}:{camera}" if camera else role
+        return int(re.findall(rf"{name} runs as process (\d+)", self.log.read_text())[-1])
 
     def children(self) -> dict[str, list[int]]:
         """Process ids of the workers by role, found in the process table."""
         assert self.process is not None
-        found: dict[str, list[int]] = {"camera": [], "monitor": []}
+        found: dict[str, list[int]] = {"camera": [], "monitor": [], "hub": []}
+        hub = re.findall(r"hub runs as process (\d+)", self.log.read_text())
         for entry in Path("/proc").iterdir():
             if not entry.name.isdigit():
                 continue
@@ -146,7 +148,8 @@ cameras:
                 continue
             if parent == self.process.pid and b"spawn_main" in (entry / "cmdline").read_bytes():
                 # Only the monitor loads the compiler of the filter's kernels.
-                found["monitor" if "llvmlite" in libraries else "camera"].append(int(entry.name))
+                role = "hub" if entry.name in hub else "monitor" if "llvmlite" in libraries else "camera"
+                found[role].append(int(entry.name))
         return found
 
 

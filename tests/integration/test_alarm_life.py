@@ -161,6 +161,27 @@ def test_a_monitor_that_is_killed_goes_on_with_its_alarms(tmp_path: Path) -> Non
         assert site.daemon.metric("lumpwatch_event_log_problems_total") == 0
 
 
+def test_a_hub_that_is_killed_loses_no_alarm_and_blinds_the_region_meanwhile(tmp_path: Path) -> None:
+    with running(tmp_path, off_delay_s=0.5, blind={"on_delay_s": 60.0}) as site:
+        for kills, bright in ((1, True), (2, False)):
+            (hub,) = site.daemon.children()["hub"]
+            os.kill(hub, signal.SIGKILL)
+            site.feed.bright = bright
+            wait_for("blind", lambda: site.daemon.metric("lumpwatch_roi_blind") == 1, 20)
+
+            def again(kills: int = kills) -> bool:
+                return site.daemon.metric("lumpwatch_process_restarts_total", stage="hub") == kills
+
+            wait_for("hub started again", again, 20)
+            site.wait_alarm("UNACKNOWLEDGED" if bright else "RETURNED")
+        site.command("ack", *TARGET)
+        assert site.changes(3) == [
+            (1, "raised", "UNACKNOWLEDGED"),
+            (2, "cleared", "RETURNED"),
+            (3, "acknowledged", "NORMAL"),
+        ]
+
+
 def test_decisions_that_come_too_late_are_an_alarm_of_their_own(tmp_path: Path) -> None:
     """A camera far away: pictures are 0.6 s old when they come, and 0.5 s are allowed."""
     with running(tmp_path, latency={"budget_s": 0.5, "for_s": 1.0}, system={"off_delay_s": 0.5}) as site:

@@ -102,7 +102,7 @@ def test_a_daemon_whose_parent_is_killed_leaves_no_worker(
     with Daemon(tmp_path, camera("crusher-1", str(feed_clip), polygon, ", loop: true")) as daemon:
         wait_for("ready", lambda: daemon.ready, 60)
         workers = [pid for pids in daemon.children().values() for pid in pids]
-        assert len(workers) == 2
+        assert len(workers) == 3
         assert daemon.process is not None
         daemon.process.kill()
         daemon.process.wait()
