@@ -3,38 +3,48 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import math
-import multiprocessing
-import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 from rich.console import Console
-from rich.table import Table
 
+from lumpwatch.service.batch import Failed, Finished, Share, Task, run_tasks
 from lumpwatch.service.capture import open_recording
-from lumpwatch.service.cli.common import belt_of, camera_of, progress
+from lumpwatch.service.cli.backtest_table import print_result
+from lumpwatch.service.cli.common import belt_of, camera_of
 from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness, add_span, tell_json
+from lumpwatch.service.cli.workers import (
+    add_resuming,
+    add_workers,
+    batch_progress,
+    wanted_workers,
+    workers_of,
+)
 from lumpwatch.service.config import SiteConfig, load_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.offline import (
     Backtest,
-    Point,
-    Result,
+    Clip,
+    Recording,
     Setup,
     Terms,
+    Watch,
     archive,
     backtest_record,
+    finished_recordings,
+    record_video,
     run_backtest,
     short_names,
+    task_of,
     write_backtest,
 )
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import PriorStore
 
-_SHOWN = (0.5, 0.7, 0.8, 0.9, 0.96, 0.99, 0.999, 0.9999)
+log = logging.getLogger(__name__)
 
 
 def add(commands: Commands) -> None:
@@ -50,7 +60,12 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("config", type=Path, nargs="+", metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
-        "--videos", type=Path, nargs="+", required=True, metavar="VIDEO", help="videos or folders of images"
+        "--videos",
+        type=Path,
+        nargs="+",
+        required=True,
+        metavar="VIDEO",
+        help="videos, folders of videos, or folders of images",
     )
     parser.add_argument(
         "--labels",
@@ -93,7 +108,8 @@ def add(commands: Commands) -> None:
         metavar="RATE",
         help="how many false alarms are wanted at most (default 0.1)",
     )
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: as many as cores)")
+    add_workers(parser)
+    add_resuming(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for backtest.json, lumps.csv and backtest.png"
     )
@@ -103,26 +119,34 @@ def add(commands: Commands) -> None:
 
 def backtest(arguments: argparse.Namespace) -> int:
     """Run the command; 1 where a video had to be left out."""
-    terms, workers = _terms(arguments), _workers(arguments.workers)
+    terms = _terms(arguments)
+    wanted_workers(arguments)  # said before anything is read
+    if arguments.share is not None and arguments.resume is None:
+        raise ConfigError("--share needs --resume DIR, where the shares meet")
     names = short_names(arguments.config, "CONFIG")
     setups = [
         _setup(name, path, arguments.camera, arguments.roi)
         for name, path in zip(names, arguments.config, strict=True)
     ]
     clips = archive(arguments.videos, arguments.labels, arguments.unlabelled_is_empty)
-    for clip in clips:  # said at once, not after an hour
-        open_recording(setups[0].camera, clip.video).close()
+    finished = None if arguments.resume is None else finished_recordings(arguments.resume)
+    if arguments.share is not None:
+        tasks = [task_of(setup, clip.video) for setup in setups for clip in clips]
+        return _do_share(arguments, arguments.share, tasks, finished)
+    _look_at(setups[0], clips)
     if arguments.out is not None:
         _make_folder(arguments.out)
-    tasks = len(setups) * len(clips)
-    with _pool(min(workers, tasks)) as pool, progress("backtest", tasks) as advance:
-        found = run_backtest(setups, clips, terms, arguments.fall_model, pool, advance)
+    many = len(setups) * len(clips)
+    with workers_of(arguments, many) as workers, batch_progress("backtest", many) as told:
+        found = run_backtest(
+            setups, clips, terms, arguments.fall_model, workers.executor, workers.width, finished, told
+        )
     console = Console(highlight=False, markup=False)
     if arguments.json:
         tell_json(backtest_record(found))
     else:
         for result in found.results:
-            _print(console, result, found)
+            print_result(console, result, found)
     if arguments.out is not None:
         write_backtest(found, arguments.out)
         _draw(found, arguments.out / "backtest.png")
@@ -145,12 +169,41 @@ def _terms(arguments: argparse.Namespace) -> Terms:
     return Terms(arguments.least_warning_s, arguments.tolerance_s, arguments.false_alarms_per_hour)
 
 
-def _workers(wanted: int | None) -> int:
-    if wanted is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if wanted < 1:
-        raise ConfigError(f"--workers {wanted}: must be at least 1")
-    return wanted
+def _look_at(setup: Setup, clips: Sequence[Clip]) -> None:
+    """Say at once, not after an hour, which videos cannot be opened. Raises SourceError where none can be."""
+    errors: list[LumpwatchError] = []
+    for clip in clips:
+        try:
+            open_recording(setup.camera, clip.video).close()
+        except LumpwatchError as error:
+            errors.append(error)
+    if len(errors) == len(clips):
+        raise errors[0]
+    for one in errors:
+        log.warning("will be left out: %s", one)
+
+
+def _do_share(
+    arguments: argparse.Namespace,
+    share: Share,
+    tasks: Sequence[Task[Watch]],
+    finished: Finished[Recording] | None,
+) -> int:
+    """Do a share of the tasks and leave the results in the folder; 1 where one failed."""
+    mine = share.of(tasks)
+    with workers_of(arguments, len(mine)) as workers, batch_progress("backtest", len(mine)) as told:
+        outcomes = run_tasks(mine, record_video, workers.executor, workers.width, finished, told)
+    failed = [one for one in outcomes if isinstance(one, Failed)]
+    for one in failed:
+        sys.stderr.write(f"lumpwatch: failed: {one.reason}\n")
+    done = {"share": share.index, "of": share.count, "tasks": len(mine), "failed": len(failed)}
+    if arguments.json:
+        tell_json(done)
+    else:
+        sys.stdout.write(
+            f"share {share.index} of {share.count}: {len(mine) - len(failed)} of {len(mine)} finished\n"
+        )
+    return 1 if failed else 0
 
 
 def _setup(name: str, path: Path, camera_id: str | None, roi_id: str | None) -> Setup:
@@ -178,10 +231,6 @@ def _make_folder(out: Path) -> None:
         raise LumpwatchError(f"{out}: cannot be written ({error.strerror})") from error
 
 
-def _pool(workers: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), cv2.setNumThreads, (1,))
-
-
 def _draw(found: Backtest, path: Path) -> None:
     from lumpwatch.service.offline import PlotError, draw_backtest
 
@@ -189,118 +238,3 @@ def _draw(found: Backtest, path: Path) -> None:
         draw_backtest(found, path)
     except PlotError as error:
         sys.stderr.write(f"lumpwatch: no picture: {error}\n")
-
-
-def _print(console: Console, result: Result, found: Backtest) -> None:
-    chosen = result.recommendation.point
-    shown = [p for p in result.points if p.raise_above in _SHOWN or p in (chosen, result.configured)]
-    prior = f"prior version {result.setup.prior.version}" if result.setup.prior else "stated defaults"
-    table = Table(
-        padding=(0, 0), title=f"{result.setup.name}: {result.setup.camera.id}/{result.setup.roi.id}, {prior}"
-    )
-    for heading in (
-        "raise\nabove",
-        "announced\n(95 %)",
-        "warning s\nmid|worst",
-        "false an hour\n(95 %)",
-        "true",
-        "mis-\nplaced",
-    ):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
-    for point in shown:
-        marks = [
-            word
-            for word, is_it in (("config.", point == result.configured), ("advised", point == chosen))
-            if is_it
-        ]
-        table.add_row(*_cells(point), ", ".join(marks), style="bold" if point == chosen else "")
-    console.print(table)
-    for line in _words(result, found):
-        console.print(line)
-
-
-def _cells(point: Point) -> tuple[str, ...]:
-    low, high = point.detection_interval
-    fewest, most = point.false_interval
-    announced = "-"
-    if point.lumps:
-        announced = f"{point.announced}/{point.lumps} ({100 * low:.0f}-{100 * high:.0f} %)"
-    rate = "-"
-    if point.false_per_hour is not None:
-        rate = f"{_rate(point.false_per_hour)} ({_rate(fewest)}-{_rate(most)})"
-    return (
-        f"{point.raise_above:g}",
-        announced,
-        f"{_seconds(point.warning_median_s)}|{_seconds(point.warning_worst_tenth_s)}",
-        rate,
-        str(point.true_alarms),
-        str(point.misplaced_alarms),
-    )
-
-
-def _why_none(result: Result, wanted: float) -> str:
-    most = result.recommendation.most_announced
-    return {
-        "no_lumps": "no labelled lump counts in these videos. Give some with lumps; the table holds false alarms "
-        "alone.",
-        "too_many_false": f"none keeps to {wanted:g} false alarms an hour. Train on this footage (--without-lumps), "
-        "raise detector.likelihood.margin, or want less.",
-        "nothing_announced": f"where false alarms keep to {wanted:g} an hour no lump is announced in time; the most "
-        f"at any threshold is {most}. Train on footage like this before choosing one.",
-    }[result.recommendation.reason or "too_many_false"]
-
-
-def _rate(value: float) -> str:
-    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
-
-
-def _time(hours: float) -> str:
-    """Hours as people say them."""
-    minutes = round(60 * hours)
-    return (
-        f"{60 * hours:.1f} min" if minutes < 10 else f"{minutes} min" if minutes < 120 else f"{hours:.1f} h"
-    )
-
-
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
-
-
-def _words(result: Result, found: Backtest) -> list[str]:
-    """What the table does not say."""
-    advice, wanted = result.recommendation, found.terms.false_alarms_per_hour
-    last = result.points[-1]
-    lumps = [lump for video in result.judged for lump in video.truth.lumps]
-    counted = [lump for lump in lumps if lump.counted]
-    by_fall = sum(lump.lip_from == "fall label" for lump in counted)
-    outside = sum(video.truth.outside for video in result.judged)
-    lost = sum(video.recording.length - len(video.recording.frames) for video in result.judged)
-    lines = [
-        f"{_time(found.hours)} of footage, {_time(last.quiet_h)} of it without a lump. In brackets: 95 % "
-        f"intervals. Announced: at least {found.terms.least_warning_s:g} s before the lip. Warning: median | "
-        "worst tenth, 0 for a lump without any. True, misplaced: alarms raised while a lump was there, with and "
-        "without the box on it. config.: the threshold of the configuration; advised: the recommended one.",
-        f"Lip: {by_fall} lumps by the label of the fall, {len(counted) - by_fall} by their last label. Not "
-        f"counted: {len(lumps) - len(counted)} lumps cut off by the video, {outside} labelled outside the ROI.",
-    ]
-    if advice.point is None:
-        lines.append(f"There is no threshold to recommend: {_why_none(result, wanted)}")
-    else:
-        lines.append(
-            f"Recommended for at most {wanted:g} false alarms an hour: raise_above {advice.point.raise_above:g}, "
-            f"clear_below {advice.point.clear_below:.3g}. It announces {advice.point.announced} of "
-            f"{last.lumps} lumps; the most at any threshold is {advice.most_announced}. An alarm stands for "
-            f"{advice.point.standing_share:.2%} of the time without a lump."
-        )
-    if advice.point is not None and advice.below_per_hour > wanted:
-        lines.append(
-            f"The footage is too short to show that rate: {advice.point.false_alarms} false alarms in "
-            f"{_time(last.quiet_h)} only prove fewer than {_rate(advice.below_per_hour)} an hour (95 % sure); "
-            f"{wanted:g} takes {advice.needed_h:.0f} hours without any."
-        )
-    if result.refused:
-        lines.append(f"The prior did not fit {result.refused} videos: they ran on the stated defaults.")
-    if lost:
-        lines.append(f"{lost} frames could not be judged.")
-    return lines

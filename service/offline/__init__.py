@@ -1,9 +1,16 @@
 """Work on recordings and logs: replay, overlay, backtest, the page of a shift, and plots."""
 
-from lumpwatch.service.offline.backtest.archive import archive, boxes_of, short_names
+from lumpwatch.service.offline.backtest.archive import Clip, archive, boxes_of, short_names
 from lumpwatch.service.offline.backtest.curve import Point, Terms
 from lumpwatch.service.offline.backtest.plots import draw_backtest
-from lumpwatch.service.offline.backtest.record import Setup
+from lumpwatch.service.offline.backtest.record import (
+    Recording,
+    Setup,
+    Watch,
+    finished_recordings,
+    record_video,
+    task_of,
+)
 from lumpwatch.service.offline.backtest.report import as_record as backtest_record
 from lumpwatch.service.offline.backtest.report import write_backtest
 from lumpwatch.service.offline.backtest.run import Backtest, Result, run_backtest
@@ -27,11 +34,13 @@ from lumpwatch.service.offline.shift_report import shift_page
 
 __all__ = [
     "Backtest",
+    "Clip",
     "ExistenceCurves",
     "FrameListener",
     "OverlayVideo",
     "PlotError",
     "Point",
+    "Recording",
     "ReplayError",
     "ReplayShadow",
     "Result",
@@ -39,11 +48,13 @@ __all__ = [
     "Setup",
     "Summary",
     "Terms",
+    "Watch",
     "archive",
     "backtest_record",
     "boxes_of",
     "draw_backtest",
     "draw_prior",
+    "finished_recordings",
     "html_figure",
     "html_items",
     "html_page",
@@ -55,10 +66,12 @@ __all__ = [
     "html_text",
     "load_camera",
     "new_figure",
+    "record_video",
     "replay_evidence",
     "run_backtest",
     "run_replay",
     "shift_page",
     "short_names",
+    "task_of",
     "write_backtest",
 ]

@@ -2,6 +2,7 @@
 
 from lumpwatch.service.storage.arrays import load_arrays
 from lumpwatch.service.storage.atomic import replace_file, write_new_file
+from lumpwatch.service.storage.checksummed import SealError, seal, unseal
 from lumpwatch.service.storage.event import Details, Event
 from lumpwatch.service.storage.event_log import (
     Entry,
@@ -61,6 +62,7 @@ __all__ = [
     "ReferenceMeta",
     "ReferenceStore",
     "Retention",
+    "SealError",
     "Span",
     "StateKeeper",
     "StoreError",
@@ -88,6 +90,8 @@ __all__ = [
     "read_state",
     "reading",
     "replace_file",
+    "seal",
+    "unseal",
     "uptime_spans",
     "write_new_file",
 ]

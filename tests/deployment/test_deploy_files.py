@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 import shutil
@@ -16,6 +17,7 @@ from ruamel.yaml import YAML
 from deploy.kubernetes.make_rules import TARGET, text
 from lumpwatch.service.bus import SHARED_MEMORY_MIB
 from lumpwatch.service.capture import spec_of
+from lumpwatch.service.cli import backtest
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.deployment.bundling import CONFIG, USER
 
@@ -120,6 +122,30 @@ def test_kubernetes_objects_are_valid_by_the_schema(rendered: list[dict[str, Any
     assert {one["kind"] for one in own} >= {"StatefulSet", "Service", "PodDisruptionBudget", "NetworkPolicy"}
     for one in own:
         validate.validate(one, validate.latest_version(), strict=True)
+
+
+def test_the_jobs_of_a_backtest_are_valid_hardened_and_understood() -> None:
+    """Both look at the same archive and the same results; as many shares as completions, each by its index."""
+    validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
+    parser = argparse.ArgumentParser()
+    backtest.add(parser.add_subparsers())
+    asked = {}
+    for name in ("backtest", "report"):
+        job = read(KUBERNETES / "batch" / f"{name}.yaml")
+        validate.validate(job, validate.latest_version(), strict=True)
+        pod = job["spec"]["template"]["spec"]
+        assert pod["securityContext"]["runAsUser"] == USER
+        (container,) = pod["containers"]
+        assert container["securityContext"]["readOnlyRootFilesystem"] is True
+        assert {m["name"] for m in container["volumeMounts"]} == {v["name"] for v in pod["volumes"]}
+        asked[name] = parser.parse_args([one.replace("$(INDEX)", "99") for one in container["args"]])
+        if name == "backtest":
+            assert asked[name].share.count == job["spec"]["completions"]
+            assert container["env"][0]["name"] == "INDEX"
+            assert asked[name].worker_mb < mib(container["resources"]["limits"]["memory"])
+    assert asked["backtest"].resume == asked["report"].resume
+    assert asked["backtest"].videos == asked["report"].videos
+    assert asked["report"].share is None
 
 
 def test_a_workload_is_hardened_probed_and_has_what_the_daemon_needs(rendered: list[dict[str, Any]]) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
+from lumpwatch.service.batch import Progress
 from lumpwatch.service.cli import main
 from lumpwatch.service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
 from lumpwatch.service.config import load_config
@@ -26,13 +28,15 @@ from lumpwatch.service.offline.backtest.archive import Clip, archive
 from lumpwatch.service.offline.backtest.curve import Terms
 from lumpwatch.service.offline.backtest.episodes import spans
 from lumpwatch.service.offline.backtest.record import (
-    Failure,
     Recording,
     Setup,
-    Task,
-    record,
-    record_all,
+    Watch,
+    decode_recording,
+    encode_recording,
+    finished_recordings,
     record_frames,
+    record_video,
+    task_of,
 )
 from lumpwatch.service.offline.backtest.report import as_record, write_backtest
 from lumpwatch.service.offline.backtest.run import Backtest, run_backtest
@@ -80,9 +84,13 @@ def clips(folder: Path) -> tuple[Clip, ...]:
     return archive([folder / "lump.mp4", folder / "quiet.mp4"])
 
 
-def run(folder: Path, *setups: Setup, workers: int = 1, advance: Callable[[int], None] = print) -> Backtest:
+def run(
+    folder: Path, *setups: Setup, workers: int = 1, told: Callable[[Progress], None] = lambda _: None
+) -> Backtest:
     with ThreadPoolExecutor(workers) as threads:
-        return run_backtest(setups or (setup(),), clips(folder), Terms(), "fall", threads, advance)
+        return run_backtest(
+            setups or (setup(),), clips(folder), Terms(), "fall", threads, lambda: workers, told=told
+        )
 
 
 def failed(capsys: Captured, *arguments: object, code: int) -> str:
@@ -140,6 +148,14 @@ def test_what_is_no_archive(tmp_path: Path) -> None:
         archive([a, b])
 
 
+def test_a_folder_stands_for_the_videos_in_it(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images" / "1.png").write_bytes(b"")
+    (tmp_path / "images" / "gt.txt").write_text("")
+    names = [clip.name for clip in archive([folder, tmp_path / "images"], None, True)]
+    assert names == ["lump.mp4", "quiet.mp4", "images"]
+
+
 # Recordings
 
 
@@ -194,25 +210,36 @@ def test_a_video_of_which_nothing_could_be_judged() -> None:
         record_frames(setup(), iter(()), Path("clip.mp4"))
 
 
-def test_what_goes_wrong_in_a_task_is_text(tmp_path: Path) -> None:
+def test_what_goes_wrong_in_a_task_names_the_video(tmp_path: Path) -> None:
     (tmp_path / "bad.mp4").write_bytes(b"nonsense" * 100)
-    outcome = record(Task(setup(), tmp_path / "bad.mp4"))
-    assert isinstance(outcome, Failure)
-    assert "bad.mp4: damaged, or not a video" in outcome.reason
+    with pytest.raises(LumpwatchError, match=r"bad\.mp4: damaged, or not a video"):
+        record_video(Watch(setup(), tmp_path / "bad.mp4"))
 
 
-class Breaking(ThreadPoolExecutor):
-    """Loses its worker."""
+def test_a_recording_is_kept_as_it_is(tmp_path: Path) -> None:
+    made = record_frames(setup(), (frame(k, bright=k > 5) for k in range(25)), Path("clip.mp4"))
+    assert encode_recording(decode_recording(encode_recording(made))) == encode_recording(made)
+    again = decode_recording(encode_recording(made))
+    assert (again.width, again.height, again.length, again.prior) == (WIDTH, HEIGHT, 25, 1)
+    assert (again.boxes == made.boxes).all()
+    assert len(again.boxes)
 
-    def submit(self, *arguments: Any, **named: Any) -> Future[Any]:
-        lost: Future[Any] = Future()
-        lost.set_exception(BrokenExecutor())
-        return lost
 
-
-def test_a_lost_worker_is_told() -> None:
-    with Breaking(1) as executor, pytest.raises(LumpwatchError, match="a worker process ended"):
-        record_all([Task(setup(), Path("a.mp4"))], executor)
+def test_what_a_result_depends_on_changes_its_key(folder: Path, tmp_path: Path) -> None:
+    video = Path(shutil.copy(folder / "quiet.mp4", tmp_path))
+    base = task_of(setup(), video).key
+    assert base
+    assert task_of(setup("other name"), video).key == base
+    others = {
+        task_of(setup(seed=2), video).key,
+        task_of(Setup("site.yaml", camera(), None), video).key,
+        task_of(Setup("site.yaml", camera(), prior(version=2)), video).key,
+        task_of(setup(), folder / "lump.mp4").key,
+    }
+    os.utime(video, ns=(1, 1))
+    others.add(task_of(setup(), video).key)
+    assert len(others | {base}) == 6
+    assert task_of(setup(), tmp_path / "gone.mp4").key == ""
 
 
 # Whole backtests
@@ -220,7 +247,9 @@ def test_a_lost_worker_is_told() -> None:
 
 def test_configurations_side_by_side(folder: Path, tmp_path: Path) -> None:
     counted: list[int] = []
-    found = run(folder, setup("good"), setup("slow", seed=3, particles=60), advance=counted.append)
+    found = run(
+        folder, setup("good"), setup("slow", seed=3, particles=60), told=lambda now: counted.append(now.done)
+    )
     assert counted == [1, 2, 3, 4]
     assert found.failures == ()
     assert found.hours == pytest.approx(8.0 / 3600)
@@ -340,6 +369,36 @@ def test_the_command_agrees_with_replay_on_a_simulated_feed(tmp_path: Path, caps
 
 
 @pytest.mark.slow
+def test_an_interrupted_run_goes_on_and_shares_meet(folder: Path, tmp_path: Path, capsys: Captured) -> None:
+    """One share of two, then all: one task is left, and the bytes are those of a run that kept nothing."""
+    (tmp_path / "bad.mp4").write_bytes(b"nonsense" * 100)
+    (tmp_path / "bad.txt").write_text("")
+    videos = [folder / "lump.mp4", folder / "quiet.mp4", tmp_path / "bad.mp4"]
+    with_bad = ["backtest", str(folder / "site.yaml"), "--workers", "1", "--videos", *map(str, videos)]
+    kept = ["--resume", str(tmp_path / "kept")]
+    assert main([*with_bad, *kept, "--share", "0/2"]) == 1
+    out, err = capsys.readouterr()
+    assert out == "share 0 of 2: 1 of 2 finished\n"
+    assert err.startswith("lumpwatch: failed: ")
+    assert "bad.mp4: damaged" in err
+    (first,) = (tmp_path / "kept").iterdir()
+    before = first.stat().st_mtime_ns
+    assert main([*with_bad, *kept, "--out", str(tmp_path / "resumed")]) == 1
+    assert "left out" in capsys.readouterr().err
+    assert len(list((tmp_path / "kept").iterdir())) == 2
+    assert first.stat().st_mtime_ns == before
+    config = Setup("site.yaml", load_config(folder / "site.yaml").cameras[0], prior(version=1))
+    with ThreadPoolExecutor(1) as threads:
+        write_backtest(run_backtest([config], archive(videos), Terms(), "fall", threads), tmp_path / "plain")
+    for name in ("backtest.json", "lumps.csv"):
+        assert (tmp_path / "resumed" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
+    store = finished_recordings(tmp_path / "kept")
+    assert store.load(first.stem) is not None
+    first.write_bytes(first.read_bytes()[:-1])  # a disk that was full
+    assert store.load(first.stem) is None
+
+
+@pytest.mark.slow
 def test_a_damaged_video_leaves_the_rest(folder: Path, tmp_path: Path, capsys: Captured) -> None:
     content = (folder / "quiet.mp4").read_bytes()
     shutil.copy(folder / "lump.mp4", tmp_path)
@@ -361,6 +420,9 @@ def test_a_damaged_video_leaves_the_rest(folder: Path, tmp_path: Path, capsys: C
         (("--tolerance-s", "nan"), "--tolerance nans: must be finite"),
         (("--false-alarms-per-hour", "0"), "--false-alarms-per-hour 0: "),
         (("--workers", "0"), "--workers 0: "),
+        (("--share", "2/2", "--resume", "kept"), "--share '2/2': expected INDEX/COUNT"),
+        (("--share", "0/2"), "--share needs --resume"),
+        (("--worker-mb", "5"), "--worker-mb 5: expected 512 to"),
         (("--camera", "c2"), "site.yaml: --camera c2: "),
         (("--roi", "r2"), "site.yaml: --roi r2: camera cam "),
         (("--labels", "a.txt", "b.txt"), "found 2 for 1 videos"),

@@ -11,6 +11,8 @@ from lumpwatch.service.core import read_bounded
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import Box, LabelError, read_labels
 
+_VIDEOS = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpg", ".ts", ".webm"})
+
 
 @dataclass(frozen=True, slots=True)
 class Clip:
@@ -29,9 +31,11 @@ def archive(
 ) -> tuple[Clip, ...]:
     """The videos with their labels, which are `labels` in the order of the videos or lie beside them.
 
-    Beside `clip.mp4` these are `clip.txt`, or `gt.txt`. Raises ConfigError for a video without labels
-    (unless that means that it shows no lump) and for arguments that contradict each other, LabelError.
+    A folder in which videos lie stands for them. Beside `clip.mp4` labels are `clip.txt`, or `gt.txt`. Raises
+    ConfigError for a video without labels (unless that means that it shows no lump) and for arguments that contradict
+    each other, LabelError.
     """
+    videos = all_videos(videos)
     names = short_names(videos, "--videos")
     if labels is None:
         paths = tuple(beside(video, unlabelled_is_empty) for video in videos)
@@ -46,6 +50,17 @@ def archive(
         Clip(name, video, path, () if path is None else boxes_of(path))
         for name, video, path in zip(names, videos, paths, strict=True)
     )
+
+
+def all_videos(paths: Sequence[Path]) -> list[Path]:
+    """The same with the videos that lie in a folder, by name, in its place; one without any is left as it is."""
+    found: list[Path] = []
+    for path in paths:
+        inside = (
+            sorted(one for one in path.iterdir() if one.suffix.lower() in _VIDEOS) if path.is_dir() else []
+        )
+        found += inside or [path]
+    return found
 
 
 def short_names(paths: Sequence[Path], argument: str) -> tuple[str, ...]:

@@ -1,13 +1,13 @@
 """One configuration on one video: what the filter finds in each frame, before any threshold.
 
 Tasks are independent of each other, and all that they need travels with them: any executor in the
-shape of `concurrent.futures` can do them, a pool on this machine or a cluster.
+shape of `concurrent.futures` can do them, a pool on this machine or a cluster (see `lumpwatch.service.batch`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
+import io
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,15 +15,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.service.batch import Finished, Task, file_identity, key_of
 from lumpwatch.service.capture import read_frames
 from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.core import Frame
 from lumpwatch.service.detection import CameraPipeline
 from lumpwatch.service.errors import LumpwatchError
-from lumpwatch.service.storage import Prior
+from lumpwatch.service.storage import Prior, encode_prior, load_arrays
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+_MOST_BYTES = 1 << 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +44,8 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """A configuration and a video."""
+class Watch:
+    """What is to be done: a configuration looks at a video."""
 
     setup: Setup
     video: Path
@@ -78,21 +80,26 @@ class Recording:
         return np.append(steps, np.median(steps) if len(steps) else 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """A video that could not be used. Errors travel as text: not every exception survives a process."""
+def task_of(setup: Setup, video: Path) -> Task[Watch]:
+    """The work with a name, its weight in bytes, and the key of all that its result depends on.
 
-    reason: str
-
-
-def record(task: Task) -> Recording | Failure:
-    """Do one task."""
+    A video that cannot be looked at has no key; its task says why it fails.
+    """
     try:
-        frames, _ = read_frames(task.setup.camera, task.video)
-        with closing(frames):
-            return record_frames(task.setup, frames, task.video)
-    except LumpwatchError as error:
-        return Failure(str(error))
+        identity = file_identity(video)
+        size = sum(one.stat().st_size for one in (video.iterdir() if video.is_dir() else [video]))
+    except OSError:
+        return Task(str(video), Watch(setup, video))
+    prior = b"" if setup.prior is None else encode_prior(setup.prior) + str(setup.prior.version).encode()
+    key = key_of("backtest", setup.camera.model_dump_json(), prior, str(video.name), identity)
+    return Task(str(video), Watch(setup, video), key, float(max(size, 1)))
+
+
+def record_video(watch: Watch) -> Recording:
+    """Do it. Raises LumpwatchError for a video that cannot be used."""
+    frames, _ = read_frames(watch.setup.camera, watch.video)
+    with closing(frames):
+        return record_frames(watch.setup, frames, watch.video)
 
 
 def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recording:
@@ -134,21 +141,40 @@ def record_frames(setup: Setup, frames: Iterator[Frame], video: Path) -> Recordi
     )
 
 
-def record_all(
-    tasks: Sequence[Task], executor: Executor, advance: Callable[[int], None] = lambda _: None
-) -> list[Recording | Failure]:
-    """Do all tasks; results in their order. `advance` is called with how many are done.
+def finished_recordings(folder: Path) -> Finished[Recording]:
+    """Recordings that are kept in a folder. Raises LumpwatchError."""
+    return Finished(folder, encode_recording, decode_recording)
 
-    Raises LumpwatchError where a worker is lost, for then nothing is known of its tasks.
-    """
-    futures: list[Future[Recording | Failure]] = []
-    try:
-        futures += [executor.submit(record, task) for task in tasks]
-        for done, _ in enumerate(as_completed(futures), start=1):
-            advance(done)
-        return [future.result() for future in futures]
-    except BrokenExecutor as error:
-        raise LumpwatchError("a worker process ended in the middle of its work (out of memory?)") from error
-    finally:
-        for future in futures:
-            future.cancel()
+
+def encode_recording(recording: Recording) -> bytes:
+    """As a NumPy archive; the same recording gives the same bytes."""
+    buffer = io.BytesIO()
+    numbers = np.array([recording.width, recording.height, recording.length, recording.prior], dtype=np.int64)
+    np.savez(
+        buffer,
+        allow_pickle=False,
+        frames=recording.frames,
+        times=recording.times,
+        alarming=recording.alarming,
+        owner=recording.owner,
+        boxes=recording.boxes,
+        numbers=numbers,
+    )
+    return buffer.getvalue()
+
+
+def decode_recording(content: bytes) -> Recording:
+    """The recording again. Raises ValueError or KeyError."""
+    arrays = load_arrays(content, _MOST_BYTES)
+    width, height, length, prior = arrays["numbers"].tolist()
+    return Recording(
+        arrays["frames"],
+        arrays["times"],
+        arrays["alarming"],
+        arrays["owner"],
+        arrays["boxes"],
+        width,
+        height,
+        length,
+        prior,
+    )

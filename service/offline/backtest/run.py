@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
+from lumpwatch.service.batch import Failed, Finished, Progress, run_tasks
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.offline.backtest.archive import Clip
 from lumpwatch.service.offline.backtest.curve import (
@@ -16,7 +17,7 @@ from lumpwatch.service.offline.backtest.curve import (
     curve,
     recommend,
 )
-from lumpwatch.service.offline.backtest.record import Failure, Recording, Setup, Task, record_all
+from lumpwatch.service.offline.backtest.record import Recording, Setup, record_video, task_of
 from lumpwatch.service.offline.backtest.truth import truth_of
 from lumpwatch.service.storage import LabelError, check_frames
 
@@ -69,15 +70,17 @@ def run_backtest(
     terms: Terms,
     fall_model: str,
     executor: Executor,
-    advance: Callable[[int], None] = lambda _: None,
+    width: Callable[[], int] = lambda: 1,
+    finished: Finished[Recording] | None = None,
+    told: Callable[[Progress], None] = lambda _: None,
 ) -> Backtest:
-    """Run all configurations on all videos; `advance` is called with how many of these runs are done.
+    """Run all configurations on all videos, see `run_tasks`.
 
     The result does not depend on the executor. A video that fails under one configuration is left out
     of all, so that they stay comparable. Raises LumpwatchError where no video is left.
     """
-    tasks = [Task(setup, clip.video) for setup in setups for clip in clips]
-    done = record_all(tasks, executor, advance)
+    tasks = [task_of(setup, clip.video) for setup in setups for clip in clips]
+    done = run_tasks(tasks, record_video, executor, width, finished, told)
     table = [done[k * len(clips) : (k + 1) * len(clips)] for k in range(len(setups))]
     failures: list[str] = []
     kept: list[tuple[Clip, list[Recording]]] = []
@@ -99,11 +102,11 @@ def run_backtest(
     return Backtest(terms, tuple(results), tuple(failures))
 
 
-def _sort(done: Sequence[Recording | Failure], clip: Clip) -> tuple[list[Recording], str | None]:
+def _sort(done: Sequence[Recording | Failed], clip: Clip) -> tuple[list[Recording], str | None]:
     """The recordings of one video, or why it cannot be used."""
     recordings: list[Recording] = []
     for outcome in done:
-        if isinstance(outcome, Failure):
+        if isinstance(outcome, Failed):
             return [], outcome.reason
         recordings.append(outcome)
     if clip.boxes and clip.labels is not None:

@@ -1,0 +1,130 @@
+"""Who does the work of a command on an archive: options, executors, and how far it is."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from lumpwatch.service.batch import ClusterWorkers, LocalWorkers, Progress, Share
+from lumpwatch.service.cli.common import progress
+from lumpwatch.service.errors import ConfigError
+
+log = logging.getLogger(__name__)
+
+_EVERY_S = 30.0
+_MOST_MB = 1_000_000
+LEAST_MB = 512
+"""What the libraries take before the first picture."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """An executor, and how many tasks it does at a time."""
+
+    executor: Executor
+    width: Callable[[], int]
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers", type=int, metavar="N", help="processes of this machine (default: as many as cores)"
+    )
+    where.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="let the workers of this Dask cluster do it (tcp://host:8786); they see the videos under the same paths "
+        "and have the same lumpwatch installed; needs the extra dask",
+    )
+    parser.add_argument(
+        "--worker-mb",
+        type=int,
+        default=2048,
+        metavar="MIB",
+        help="memory that one of these processes may take (default 2048; on a cluster its own --memory-limit holds)",
+    )
+
+
+def add_resuming(parser: argparse.ArgumentParser) -> None:
+    """Add the options of runs that are interrupted, or shared by several."""
+    parser.add_argument(
+        "--resume",
+        type=Path,
+        metavar="DIR",
+        help="keep the result of each finished video here, and take what an earlier run finished from here",
+    )
+    parser.add_argument(
+        "--share",
+        type=Share.parse,
+        metavar="INDEX/COUNT",
+        help="do this share of the work alone, from 0/COUNT on, into --resume, and report nothing; a last run without "
+        "--share reports on all (one pod of a Kubernetes Job does one share)",
+    )
+
+
+@contextmanager
+def workers_of(arguments: argparse.Namespace, most: int) -> Iterator[Workers]:
+    """What the options ask for, with at most so many processes. Raises ConfigError, LumpwatchError."""
+    if arguments.dask is not None:
+        with ClusterWorkers(arguments.dask) as cluster:
+            yield Workers(cluster, cluster.width)
+        return
+    count = max(min(wanted_workers(arguments), most), 1)
+    with LocalWorkers(count, arguments.worker_mb << 20) as local:
+        yield Workers(local, lambda: count)
+
+
+def wanted_workers(arguments: argparse.Namespace) -> int:
+    """Processes of this machine. Raises ConfigError for numbers that cannot be."""
+    if not LEAST_MB <= arguments.worker_mb <= _MOST_MB:
+        raise ConfigError(f"--worker-mb {arguments.worker_mb}: expected {LEAST_MB} to {_MOST_MB}")
+    wanted: int | None = arguments.workers
+    if wanted is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if wanted < 1:
+        raise ConfigError(f"--workers {wanted}: must be at least 1")
+    return wanted
+
+
+@contextmanager
+def batch_progress(
+    title: str, total: int, clock: Callable[[], float] = time.monotonic
+) -> Iterator[Callable[[Progress], None]]:
+    """Like `progress`; what follows a run in a log gets a line every half minute, with an estimate."""
+    told_s = clock()
+
+    def tell(now: Progress) -> None:
+        nonlocal told_s
+        advance(now.done)
+        if clock() - told_s >= _EVERY_S and now.done < now.total:
+            told_s = clock()
+            log.info("%s: %s", title, in_words(now))
+
+    with progress(title, total) as advance:
+        yield tell
+
+
+def in_words(now: Progress) -> str:
+    """How far a run is."""
+    words = f"{now.done} of {now.total} done"
+    if now.failed:
+        words += f", {now.failed} failed"
+    if now.left_s is not None:
+        words += f", some {time_left(now.left_s)} left"
+    return words
+
+
+def time_left(seconds: float) -> str:
+    """As people say it."""
+    minutes = round(seconds / 60)
+    if minutes < 2:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
