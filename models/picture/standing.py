@@ -10,6 +10,7 @@ what lies on a belt that stands still is no stranger to it.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -96,8 +97,8 @@ class StandingMeter:
             step = step[np.isfinite(step[:, 0])]
             if len(step) < _LEAST_POINTS:
                 return None
-            moved += np.median(step, axis=0)
-            if np.hypot(*moved) >= needed:
+            moved += middle(step)
+            if math.hypot(*moved) >= needed:
                 same = self._same(box * self._scale, moved, k - 1)
                 return PlaceLook(self._seen[k - 1].time_s, moved / self._scale, same)
         return None
@@ -134,6 +135,12 @@ class StandingMeter:
         size = (max(round(picture.shape[1] * self._scale), 1), max(round(picture.shape[0] * self._scale), 1))
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
         return np.ascontiguousarray(small, dtype=np.uint8)
+
+
+def middle(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The median of each column of (n, k), n at least 1: `numpy.median` takes several times as long for so few."""
+    ordered, half = np.sort(values, axis=0), len(values) // 2
+    return ordered[half] if len(values) % 2 else (ordered[half - 1] + ordered[half]) / np.float32(2)
 
 
 def _follow(before: Image, now: Image, points: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lumpwatch.models.picture.standing import StandingMeter
+from lumpwatch.models.picture.standing import StandingMeter, middle
 from lumpwatch.models.roi import Image
 
 HEIGHT, WIDTH, SPEED_PX_S, FPS = 160, 128, 40.0, 12.5
@@ -109,3 +109,9 @@ def test_boxes_beyond_the_picture_do_no_harm() -> None:
     boxes = np.array([[-50.0, -50, 20, 20], [127, 159, 90, 90], [64, 80, 0.5, 0.5], [64, 80, 900, 900]])
     assert len(meter.look(boxes)) == 4
     assert meter.look(np.zeros((0, 4))) == ()
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 301])
+def test_the_middle_is_the_median_to_the_bit(n: int) -> None:
+    values = np.random.default_rng(n).normal(size=(n, 2)).astype(np.float32)
+    assert middle(values).tobytes() == np.median(values, axis=0).astype(np.float32).tobytes()

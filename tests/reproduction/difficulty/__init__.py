@@ -13,15 +13,15 @@ page     the page; plots: its pictures
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import shutil
 import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import replace
 from pathlib import Path
 
+from lumpwatch.service.batch import ClusterWorkers, LocalWorkers
 from tests.reproduction.difficulty import page, plots
 from tests.reproduction.difficulty.plan import PARTS, SMALL, STYLES, Plan, every_task
 from tests.reproduction.difficulty.results import judge_all
@@ -48,8 +48,13 @@ def main(arguments: Sequence[str] = ()) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     parts = asked.part or list(PARTS)
     deadline = None if asked.minutes is None else time.monotonic() + 60.0 * asked.minutes
-    with ProcessPoolExecutor(WORKERS, multiprocessing.get_context("spawn")) as pool:
-        run(folder, list(every_task(plan, parts)), deadline, pool, lambda: digest() == folder.name)
+    tasks = list(every_task(plan, parts))
+    if asked.dask:
+        with ClusterWorkers(asked.dask) as cluster:
+            run(folder, tasks, deadline, cluster, lambda: digest() == folder.name, cluster.width())
+    else:
+        with LocalWorkers(WORKERS) as pool:
+            run(folder, tasks, deadline, pool, lambda: digest() == folder.name)
     found = judge_all(folder, plan)
     for place in (out / "images", out / "results"):
         place.mkdir(parents=True, exist_ok=True)
@@ -70,6 +75,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--hours", type=float, help="length of the long run without lumps")
     parser.add_argument("--scenes", help="scenes of the matrix, by commas; left out: all")
     parser.add_argument("--out", type=Path, help="folder in the place of docs/")
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="on a Dask cluster whose workers have this checkout at the same path",
+    )
     return parser
 
 
