@@ -127,7 +127,9 @@ class MouthWatch:
         stuck = standing or lump
         stood_s = 0.0
         if stuck:  # what counts as standing has stood for a moment already
-            stood_s = before.stood_s + dt * runs if before.stuck else SETTLES_S * runs
+            # Nobody knows what a mouth full of dust does: no time counts, and none is lost.
+            counts = runs and (lump or self._cells.seen_share(time_s) >= self._limits.free_below)
+            stood_s = before.stood_s + dt * counts if before.stuck else SETTLES_S * runs
         known = before.known or self._cells.learned_s >= self._limits.learn_s
         sees = self._cells.sees or stuck or not (runs or not before.sees)
         self.state = MouthState(share, stood_s, standing, lump, known, self._cells.swallows, sees)
@@ -142,8 +144,9 @@ class MouthWatch:
         for number, came in tuple(self._came.items()):
             since = self._cells.since
             fresh = self._cells.material & (since >= came.first_s) & (since <= came.last_s + _FALLS_S)
-            least = max(came.share * len(self._grid) * (_OF_LUMP_LEFT if came.lodged else _OF_LUMP), _FEWEST)
-            came.lodged = _largest(fresh, self._grid.place) >= least
+            share, windows = _largest(fresh, self._grid)
+            least = came.share * (_OF_LUMP_LEFT if came.lodged else _OF_LUMP)
+            came.lodged = windows >= _FEWEST and share >= least
             if not came.lodged and time_s > came.last_s + 2.0 * _FALLS_S:
                 del self._came[number]
         return any(came.lodged for came in self._came.values())
@@ -167,8 +170,12 @@ class MouthWatch:
         self.state = replace(MouthState(), **plain["state"])
 
 
-def _largest(cells: NDArray[np.bool_], place: NDArray[np.intp]) -> int:
-    """How many windows the largest group of neighbours among `cells` has."""
-    picture = ((place >= 0) & cells[np.maximum(place, 0)]).astype(np.uint8)
-    _, _, stats, _ = cv2.connectedComponentsWithStats(picture, connectivity=8)
-    return int(stats[1:, cv2.CC_STAT_AREA].max(initial=0))
+def _largest(cells: NDArray[np.bool_], grid: PatchGrid) -> tuple[float, int]:
+    """Share of the mouth that the largest group of neighbours among `cells` takes, and its windows."""
+    picture = ((grid.place >= 0) & cells[np.maximum(grid.place, 0)]).astype(np.uint8)
+    count, labels = cv2.connectedComponents(picture, connectivity=8)
+    of = labels[grid.place >= 0]
+    shares = np.bincount(of, weights=grid.weight, minlength=count)[1:]
+    if not len(shares):
+        return 0.0, 0
+    return float(shares.max()), int(np.bincount(of, minlength=count)[1:][shares.argmax()])

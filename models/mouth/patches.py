@@ -7,6 +7,7 @@ windows is their correlation: 1 where they show the same, near 0 where one shows
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ STRIDE, SIDE = 8, 12
 """Windows overlap by a few pixels, so that a stone on a border is seen as a whole by one of them."""
 _FINE, _COARSE = 0.8, 5.0
 """Standard deviations of the two blurs, px: noise is below the first, light and dust are above the second."""
-_FAINT, _CONTRAST = 1.0, 0.02
+_FAINT, _CONTRAST = 0.8, 0.01
 """A window whose deviation is below so many grey levels, or this share of its brightness, shows nothing."""
 _REACH = 2
 """How far a camera that shakes may move the picture, px."""
@@ -26,8 +27,6 @@ _SHIFTS = [(y, x) for y in range(2 * _REACH + 1) for x in range(2 * _REACH + 1)]
 
 _LEFT = 0.35
 """Share of the noise that the first blur leaves."""
-_LEAST = 0.5
-"""A window of which less than this share is no noise tells nothing."""
 _LAPLACE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
 Windows = NDArray[np.float32]
@@ -35,13 +34,13 @@ Windows = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """The windows of one picture."""
+class Band:
+    """One picture without its coarse part."""
 
-    shifted: NDArray[np.float32]
-    """Each for every shift of the camera, of mean 0 and length 1 (shifts, n, SIDE * SIDE)."""
+    picture: NDArray[np.float32]
+    """(h, w), with a border of the reach."""
     plain: Windows
-    """In their places, grey levels."""
+    """The windows in their places, of mean 0, grey levels."""
     deviation: NDArray[np.float32]
     """Of each, grey levels (n,)."""
     faint: NDArray[np.float32]
@@ -49,20 +48,29 @@ class Look:
     noise: float
     """Deviation of what is noise in a window, grey levels, as far as one picture tells."""
 
+    def changed(self, before: Windows) -> NDArray[np.float32]:
+        """Deviation of what is not as `before`, over the root of 2: where nothing moves that of the noise (n,)."""
+        return np.asarray((self.plain - before).std(axis=1) / np.sqrt(2.0), np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The windows of a picture, or of several averaged."""
+
+    shifted: NDArray[np.float32]
+    """Each for every shift of the camera, of mean 0 and length 1 (shifts, n, SIDE * SIDE)."""
+    deviation: NDArray[np.float32]
+    """Of each in its place, grey levels (n,)."""
+
+    at_reach: ClassVar[NDArray[np.bool_]] = np.array(
+        [max(abs(y - _REACH), abs(x - _REACH)) == _REACH for y, x in _SHIFTS]
+    )
+    """Which shifts are the largest (shifts,)."""
+
     @property
     def now(self) -> Windows:
         """In their places, of mean 0 and length 1."""
         return self.shifted[len(self.shifted) // 2]
-
-    def certain(self, noise: float) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-        """Which show anything (n,), and the share of each that is no noise: so alike are two of the same thing."""
-        share = 1.0 - (max(noise, self.noise) / np.maximum(self.deviation, 1e-6)) ** 2
-        shows = (self.deviation >= self.faint) & (share >= _LEAST)
-        return shows, np.clip(share, _LEAST, 1.0).astype(np.float32)
-
-    def changed(self, before: Windows) -> NDArray[np.float32]:
-        """Deviation of what is not as `before`, over the root of 2: where nothing moves that of the noise (n,)."""
-        return np.asarray((self.plain - before).std(axis=1) / np.sqrt(2.0), np.float32)
 
 
 class PatchGrid:
@@ -71,42 +79,67 @@ class PatchGrid:
     def __init__(self, mask: Image) -> None:
         """Raises ValueError for a region in which no window fits."""
         height, width = mask.shape
-        margin = SIDE + 2 * _REACH
-        if height < margin or width < margin:
-            raise ValueError(f"a mouth must be at least {margin} working pixels wide and high")
-        rows = np.arange(0, height - margin + 1, STRIDE)
-        columns = np.arange(0, width - margin + 1, STRIDE)
+        if height < SIDE or width < SIDE:
+            raise ValueError(f"a mouth must be at least {SIDE} working pixels wide and high")
+        rows, columns = _spread(height), _spread(width)
         inside = np.array(
-            [[mask[y : y + margin, x : x + margin].mean() for x in columns] for y in rows], np.float32
+            [[mask[y : y + SIDE, x : x + SIDE].mean() for x in columns] for y in rows], np.float32
         )
-        chosen = inside >= min(0.75, float(inside.max()))
-        self._rows, self._columns = np.nonzero(chosen)
-        self._rows, self._columns = self._rows * STRIDE, self._columns * STRIDE
         if not inside.any():
             raise ValueError("nothing of the mouth is to be looked at")
+        chosen = inside >= min(0.75, float(inside.max()))
+        at = np.nonzero(chosen)
+        self._rows, self._columns = rows[at[0]], columns[at[1]]
         self.place = np.where(chosen, np.cumsum(chosen).reshape(chosen.shape) - 1, -1)
         """Index of the window at each place of the grid (rows, columns); -1: none."""
+        self.weight = self._weights(mask)
+        """Share of the region that each window stands for (n,); of sum 1."""
 
     def __len__(self) -> int:
         return len(self._rows)
 
-    def take(self, picture: Image) -> Look:
-        """What a working picture (h, w) shows."""
+    def band(self, picture: Image) -> Band:
+        """What a working picture (h, w) shows without its coarse part."""
         gray = picture.astype(np.float32)
-        fine = cv2.GaussianBlur(gray, (0, 0), _FINE)
         coarse = cv2.GaussianBlur(gray, (0, 0), _COARSE)
-        views = np.lib.stride_tricks.sliding_window_view(fine - coarse, (SIDE, SIDE))
-        shifted = np.stack(
-            [views[self._rows + y, self._columns + x].reshape(len(self), SIDE * SIDE) for y, x in _SHIFTS]
+        fine = cv2.GaussianBlur(gray, (0, 0), _FINE) - coarse
+        padded = cv2.copyMakeBorder(fine, _REACH, _REACH, _REACH, _REACH, cv2.BORDER_REFLECT_101)
+        plain = self._windows(padded, _REACH, _REACH)
+        brightness = coarse[self._rows + SIDE // 2, self._columns + SIDE // 2]
+        return Band(
+            np.asarray(padded, np.float32),
+            plain,
+            plain.std(axis=1),
+            np.maximum(_FAINT, _CONTRAST * brightness),
+            _LEFT * noise_of(gray),
         )
-        shifted -= shifted.mean(axis=-1, keepdims=True)
-        middle = len(_SHIFTS) // 2
-        plain = shifted[middle].copy()
+
+    def take(self, band: NDArray[np.float32]) -> Look:
+        """The windows of a band (h, w), one or the mean of several."""
+        shifted = np.stack([self._windows(band, y, x) for y, x in _SHIFTS])
         length = np.sqrt(np.einsum("snk,snk->sn", shifted, shifted))
         shifted /= np.maximum(length, 1e-6)[..., None]
-        brightness = coarse[self._rows + SIDE // 2 + _REACH, self._columns + SIDE // 2 + _REACH]
-        faint = np.maximum(_FAINT, _CONTRAST * brightness)
-        return Look(shifted, plain, length[middle] / SIDE, faint, _LEFT * noise_of(gray))
+        return Look(shifted, length[len(_SHIFTS) // 2] / SIDE)
+
+    def _windows(self, band: cv2.typing.MatLike, y: int, x: int) -> Windows:
+        """(n, SIDE * SIDE), of mean 0."""
+        views = np.lib.stride_tricks.sliding_window_view(np.asarray(band, np.float32), (SIDE, SIDE))
+        plain = views[self._rows + y, self._columns + x].reshape(len(self), SIDE * SIDE)
+        return plain - plain.mean(axis=1, keepdims=True)
+
+    def _weights(self, mask: Image) -> NDArray[np.float32]:
+        """Each pixel of the region belongs to the nearest window: those at its border stand for more."""
+        pixels = np.argwhere(mask > 0).astype(np.float32)
+        middles = np.column_stack([self._rows, self._columns]).astype(np.float32) + (SIDE - 1) / 2
+        away = ((pixels[:, None] - middles[None]) ** 2).sum(axis=2)
+        counts = np.bincount(away.argmin(axis=1), minlength=len(middles))
+        return (counts / counts.sum()).astype(np.float32)
+
+
+def _spread(length: int) -> NDArray[np.intp]:
+    """Where windows begin along an axis, from one border to the other."""
+    count = -(-(length - SIDE) // STRIDE) + 1
+    return np.linspace(0, length - SIDE, count).round().astype(np.intp)
 
 
 def likeness(shifted: NDArray[np.float32], of: Windows) -> tuple[NDArray[np.float32], NDArray[np.intp]]:

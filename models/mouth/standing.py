@@ -12,15 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.models.mouth.patches import SIDE, Look, PatchGrid, Windows, likeness
+from lumpwatch.models.mouth.patches import SIDE, Band, Look, PatchGrid, Windows, likeness
 from lumpwatch.models.roi import Image
 
 SETTLES_S = 2.0
 """What shows the same for so long stands: by then slow material has left the reach of a camera that shakes."""
-_SAME = 0.7
-"""Windows that are more alike than this, times the share of them that is no noise, show the same."""
+_SAME, _LEAST_SAME = 0.75, 0.57
+"""Windows that are more alike than the first, times the share of them that is no noise, show the same. Chance stays
+below the second, over some looks."""
+_LOOKS_S = 0.5
+"""Likeness is averaged over about this time: a single look is noise."""
+_AVERAGED = 8
+"""So many looks are averaged for what a window shows: their noise goes, and what stands stays."""
 _LOST_S, _UNSEEN_S = 1.5, 30.0
 """What stood is forgotten when something else is seen in its place for so long, or nothing for much longer."""
+_LATELY_S = 1.0
+"""What was seen so lately is seen."""
 _OWN_S = 4.0
 """What stands for so long while the mouth is learned is the mouth itself."""
 _BUILT_UP_S = 600.0
@@ -31,6 +38,12 @@ _QUIETEST, _NOISE_S = 0.05, 10.0
 """The noise is what the quietest windows change by, the least over about this time: there some stand now and then."""
 _SWALLOWS = 0.05
 """Share of the windows that must change for the mouth to be seen to swallow."""
+_TELLS = 0.5
+"""A window of which less than this share is no noise tells nothing."""
+_QUIET, _MOST_LOOKS = 1.25, 4.0
+"""Grey levels of noise from which on looks are averaged, as many as it is times that, and how many at most."""
+_COARSEST = 3.5
+"""Noise of a coarse grain is at most so many times what it is told from one picture: more is movement."""
 _TELL, _TELLS_S = 0.15, 2.0
 """Share of the windows that must show anything, over about this time, for the mouth to be seen at all."""
 
@@ -45,8 +58,12 @@ class Standing:
         self._own = np.zeros_like(self._held)
         self._is_held, self._has_own, self._is_own = (np.zeros(n, bool) for _ in range(3))
         self._since, self._seen, self._next_since = (np.full(n, -np.inf) for _ in range(3))
+        self._like_held, self._like_next, self._like_own, self._looks = (
+            np.zeros(n, np.float32) for _ in range(4)
+        )
         self._moves, self._tells, self._noise = 0.0, 1.0, 0.0
         self._before: Windows | None = None
+        self._mean: NDArray[np.float32] | None = None
         self.material = np.zeros(n, bool)
         """Windows in which material stands (n,)."""
         self.learned_s = 0.0
@@ -60,7 +77,11 @@ class Standing:
     @property
     def share(self) -> float:
         """Share of the mouth in which material stands."""
-        return float(self.material.mean())
+        return float(self._grid.weight @ self.material)
+
+    def seen_share(self, time_s: float) -> float:
+        """Share of the mouth in which material was seen to stand of late: neither dust nor what passes hides it."""
+        return float(self._grid.weight @ (self.material & (time_s - self._seen <= _LATELY_S)))
 
     @property
     def sees(self) -> bool:
@@ -78,45 +99,81 @@ class Standing:
         `learns`: whether the mouth itself is learned; `settled`: whether it is known and free, so that what stands
         for very long may be taken for it.
         """
-        look = self._grid.take(picture)
-        self._measure_noise(look, dt)
-        now = look.now
-        textured, certain = look.certain(self._noise)
-        least = _SAME * certain
+        band = self._grid.band(picture)
+        self._measure_noise(band, dt)
+        look, shows, textured, certain = self._look(band)
+        least = np.maximum(_SAME * certain, _LEAST_SAME).astype(np.float32)
+        held, _ = likeness(look.shifted, self._held)
+        following, shift_next = likeness(look.shifted, self._next)
+        own, shift_own = likeness(look.shifted, self._own)
+        moving = textured & ~(self._is_held & (held >= least)) & (following < least)
+        self._moves += min(dt, 1.0) * (float(self._grid.weight @ moving) - self._moves)
+        self._tells += min(dt / _TELLS_S, 1.0) * (float(self._grid.weight @ textured) - self._tells)
 
-        def shows(of: Windows, known: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-            alike, shift = likeness(look.shifted, of)
-            return known & textured & (alike >= least), shift
-
-        same, _ = shows(self._held, self._is_held)
-        same_next, _ = shows(self._next, textured)
-        own, shift = shows(self._own, self._has_own)
-
-        moving = textured & ~same & ~same_next
-        self._moves += min(dt, 1.0) * (float(moving.mean()) - self._moves)
-        self._tells += min(dt / _TELLS_S, 1.0) * (float(textured.mean()) - self._tells)
+        new = min(dt / _LOOKS_S, 1.0)
+        for smooth, alike in ((self._like_held, held), (self._like_next, following), (self._like_own, own)):
+            smooth[shows] += np.float32(new) * (alike - smooth)[shows]
+        same = self._is_held & shows & (self._like_held >= least)
+        same_next = shows & (self._like_next >= least)
+        is_own = self._has_own & shows & (self._like_own >= least)
 
         self._seen[same] = time_s
         other = textured & ~same_next
-        self._next[other], self._next_since[other] = now[other], time_s
+        self._next[other], self._next_since[other] = look.now[other], time_s
+        self._like_next[other], self._looks[other] = 1.0, 1.0
+        self._average(look, shift_next, same_next & (following >= 0.5 * least))
         settles = same_next & ~same & (time_s - self._next_since >= SETTLES_S - 1e-6)
         self._held[settles], self._since[settles] = self._next[settles], self._next_since[settles]
+        self._like_held[settles] = self._like_next[settles]
         self._seen[settles] = time_s
         self._is_held |= settles
         away_s = time_s - self._seen
         self._is_held &= ~((textured & ~same & (away_s > _LOST_S)) | (away_s > _UNSEEN_S))
         seen = same | settles
-        self._is_own = np.where(seen, own, self._is_own & self._is_held)
-        self._follow(look.shifted[shift[own], np.flatnonzero(own)], own)
+        self._is_own = np.where(seen, is_own, self._is_own & self._is_held)
+        follows = is_own & (own >= least)
+        self._follow(look.shifted[shift_own[follows], np.flatnonzero(follows)], follows)
         self._learn(time_s, dt, learns=learns, settled=settled)
         self.material = self._is_held & ~self._is_own
 
-    def _measure_noise(self, look: Look, dt: float) -> None:
+    def _average(self, look: Look, shift: NDArray[np.intp], same: NDArray[np.bool_]) -> None:
+        """Take the look into what those windows show, where they show it; not at the end of the reach, where what is
+        slow would be followed.
+        """
+        taken = np.flatnonzero(same & ~look.at_reach[shift])
+        looks = self._looks[taken]
+        mixed = (
+            self._next[taken]
+            + (look.shifted[shift[taken], taken] - self._next[taken]) / (looks + 1.0)[:, None]
+        )
+        self._next[taken] = mixed / np.maximum(np.linalg.norm(mixed, axis=1, keepdims=True), 1e-6)
+        self._looks[taken] = np.minimum(looks + 1.0, _AVERAGED)
+
+    def _look(self, band: Band) -> tuple[Look, NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]]:
+        """The present look, which windows may show anything (n,), which show more than noise (n,), and the share of
+        each that is no noise (n,): so alike are two of the same thing.
+
+        The noisier the camera, the more looks are averaged. What moves is lost in them, and then no longer the same.
+        """
+        noise = min(max(self._noise, band.noise), _COARSEST * band.noise)
+        new = 2.0 / (1.0 + min(max(noise / _QUIET, 1.0), _MOST_LOOKS))
+        if self._mean is None or new == 1.0:
+            self._mean = band.picture
+        else:
+            self._mean = self._mean + np.float32(new) * (band.picture - self._mean)
+        look = self._grid.take(self._mean)
+        share = 1.0 - (noise * np.sqrt(new / (2.0 - new)) / np.maximum(look.deviation, 1e-6)) ** 2
+        alone = 1.0 - (noise / np.maximum(band.deviation, 1e-6)) ** 2
+        shows = np.maximum(band.deviation, look.deviation) >= band.faint
+        textured = shows & (np.maximum(share, alone) >= _TELLS)
+        return look, shows, textured, np.clip(share, _TELLS, 1.0).astype(np.float32)
+
+    def _measure_noise(self, band: Band, dt: float) -> None:
         """What is seen to change least is noise, whatever its grain."""
         if self._before is not None and dt > 0.0:
-            least = float(np.quantile(look.changed(self._before), _QUIETEST))
+            least = float(np.quantile(band.changed(self._before), _QUIETEST))
             self._noise = min(least, self._noise + dt / _NOISE_S * (least - self._noise))
-        self._before = look.plain
+        self._before = band.plain
 
     def _follow(self, now: NDArray[np.float32], own: NDArray[np.bool_]) -> None:
         mixed = self._own[own] + np.float32(_FOLLOWS) * (now - self._own[own])
@@ -128,14 +185,15 @@ class Standing:
         if learns:
             self.learned_s += dt
         taken = self._is_held & ~self._is_own & (time_s - self._since >= (_OWN_S if learns else _BUILT_UP_S))
-        self._own[taken] = self._held[taken]
+        self._own[taken], self._like_own[taken] = self._held[taken], self._like_held[taken]
         self._has_own |= taken
         self._is_own |= taken
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """All that changes, as plain data and copies of arrays."""
         arrays = {name: getattr(self, f"_{name}").copy() for name in _ARRAYS}
-        arrays["before"] = np.zeros((0, 0), np.float32) if self._before is None else self._before.copy()
+        for name, array in (("before", self._before), ("mean", self._mean)):
+            arrays[name] = np.zeros((0, 0), np.float32) if array is None else array.copy()
         return {
             "moves": self._moves,
             "tells": self._tells,
@@ -153,7 +211,11 @@ class Standing:
         self._moves, self._tells = float(plain["moves"]), float(plain["tells"])
         self._noise, self.learned_s = float(plain["noise"]), float(plain["learned_s"])
         self._before = arrays["before"].copy() if arrays["before"].shape == self._held.shape else None
+        self._mean = arrays["mean"].copy() if arrays["mean"].size else None
         self.material = self._is_held & ~self._is_own
 
 
-_ARRAYS = ("held", "next", "own", "is_held", "has_own", "is_own", "since", "seen", "next_since")
+_ARRAYS = (
+    *("held", "next", "own", "is_held", "has_own", "is_own", "since", "seen", "next_since"),
+    *("like_held", "like_next", "like_own", "looks"),
+)

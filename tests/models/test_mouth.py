@@ -201,5 +201,5 @@ def test_going_on_from_a_snapshot_is_the_same() -> None:
 
 
 def test_a_mouth_that_is_too_small_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least 16 working pixels"):
-        MouthWatch(np.ones((12, 200), np.uint8), Limits())
+    with pytest.raises(ValueError, match="at least 12 working pixels"):
+        MouthWatch(np.ones((11, 200), np.uint8), Limits())

@@ -38,7 +38,7 @@ def page(runs: Runs, limits: dict[str, float]) -> str:
         "",
         f"A blockage begins when material stands in {100 * ABOVE:.0f} % of the mouth while the "
         f"feed runs, or when a lump comes to rest in "
-        "it, and counts where it lasts four seconds longer than the delay. It is found by an "
+        "it, and counts where the feed runs for four seconds longer than the delay meanwhile. It is found by an "
         "alarm between its begin and its end.",
         "",
         "The whole pipeline runs (picture quality, feed state, mouth, alarm), but for the "
@@ -53,7 +53,7 @@ def page(runs: Runs, limits: dict[str, float]) -> str:
         "",
         "Times are seconds from the begin of a blockage to the alarm. Those of `stops` hold the seconds in which the "
         "feed stood, which do not count for the alarm: a bridge that breaks soon after a stop is not announced. "
-        "In pictures of this size the mouth is 43 px high, four rows of windows.",
+        "In pictures of this size the mouth is 43 px high, five rows of windows.",
         "",
         "## Normal crushing",
         "",
@@ -90,7 +90,11 @@ def _missing(runs: Runs) -> list[str]:
 
 
 def _events(run: dict[str, Any]) -> list[tuple[float, float]]:
-    return [(a, b) for a, b in run["blocked"] if b - a >= DELAY_S + 4.0]
+    return [
+        (a, b)
+        for (a, b), ran_s in zip(run["blocked"], run["ran_s"], strict=True)
+        if ran_s >= DELAY_S + 4.0 - 1.0 / FPS
+    ]
 
 
 def _times(run: dict[str, Any], method: str) -> list[float | None]:

@@ -51,6 +51,8 @@ class Run:
     seconds: float
     blocked: list[tuple[float, float]] = field(default_factory=list)
     """From when on enough stood while the feed ran, and when it broke."""
+    ran_s: list[float] = field(default_factory=list)
+    """For how long the feed ran in each of them."""
     raised: dict[str, list[float]] = field(default_factory=dict)
     """Of each method, when it raised its alarm."""
     blind_s: float = 0.0
@@ -112,7 +114,7 @@ def run(spec: FeedSpec, seconds: float, limits: dict[str, float] | None = None) 
             found.moving[peer.name].append((moving, since is not None))
             if peer.raises:
                 found.raised[peer.name].append(t)
-    if since is not None and seconds - since > DELAY_S + 4.0:
+    if since is not None:
         found.blocked.append((since, seconds))
     return found
 
@@ -124,7 +126,10 @@ def _follow(found: Run, feed: FeedSimulator, t: float, since: float | None) -> f
     runs = feed.belt_at(t).speed_mm_s > 0.5 * feed.spec.belt_speed_mm_s
     blocked = (truth.bridged and truth.standing >= ABOVE) or bool(lodged)
     if blocked and since is None and runs:
+        found.ran_s.append(0.0)
         return min([*lodged, t]) if lodged else t
+    if since is not None:
+        found.ran_s[-1] += runs / feed.spec.fps
     if not blocked and since is not None:
         found.blocked.append((since, t))
         return None

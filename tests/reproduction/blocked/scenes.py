@@ -42,34 +42,34 @@ TUNING = Scene(
     {"bridge_every_s": 35.0, "bridge_duration_s": 20.0},
 )
 BLOCKED = (
-    Scene("bridge", "the whole width bridges, the mouth 40 % full", (1,), 1.0, _BRIDGES),
+    Scene("bridge", "the whole width bridges, the mouth 40 % full", (31,), 1.0, _BRIDGES),
     Scene(
-        "half", "half of the width bridges, the rest goes on", (3,), 1.0, {**_BRIDGES, "bridge_width": 0.5}
+        "half", "half of the width bridges, the rest goes on", (33,), 1.0, {**_BRIDGES, "bridge_width": 0.5}
     ),
-    Scene("empty mouth", "nothing lies in it before", (5,), 1.0, {**_BRIDGES, "mouth_level": 0.0}),
-    Scene("style b", "another place, camera and ore", (6,), 1.0, {**_BRIDGES, "style": "b"}),
-    Scene("dust", "thick dust with bursts", (7,), 1.0, {**_BRIDGES, **_DUST}),
-    Scene("shake", "the camera shakes by 1.5 px", (9,), 1.0, {**_BRIDGES, **_SHAKE}),
-    Scene("night", "infra-red light, noise", (10,), 1.0, {**_BRIDGES, **_NIGHT}),
-    Scene("stops", "the feed stops every 40 s for 20 s", (11,), 1.0, {**_BRIDGES, **_STOPS}),
+    Scene("empty mouth", "nothing lies in it before", (35,), 1.0, {**_BRIDGES, "mouth_level": 0.0}),
+    Scene("style b", "another place, camera and ore", (36,), 1.0, {**_BRIDGES, "style": "b"}),
+    Scene("dust", "thick dust with bursts", (37,), 1.0, {**_BRIDGES, **_DUST}),
+    Scene("shake", "the camera shakes by 1.5 px", (39,), 1.0, {**_BRIDGES, **_SHAKE}),
+    Scene("night", "infra-red light, noise", (40,), 1.0, {**_BRIDGES, **_NIGHT}),
+    Scene("stops", "the feed stops every 40 s for 20 s", (41,), 1.0, {**_BRIDGES, **_STOPS}),
     Scene(
         "lumps",
         "every other lump lodges in an empty mouth for 20 s",
-        (13,),
+        (43,),
         1.5,
         {"mouth_level": 0.0, "stuck_share": 0.5, "stuck_duration_s": 20.0, "lumps_per_minute": 5.0},
     ),
 )
 NORMAL = (
-    Scene("plain", "holds back for up to 4 s every 15 s", (101,), 4.0),
-    Scene("empty mouth", "all falls through", (103,), 1.0, {"mouth_level": 0.0}),
-    Scene("full", "70 % full", (104,), 1.0, {"mouth_level": 0.7}),
-    Scene("style b", "another place, camera and ore", (105,), 1.0, {"style": "b"}),
-    Scene("dust", "thick dust with bursts", (106,), 1.0, _DUST),
-    Scene("shake", "the camera shakes by 1.5 px", (107,), 1.0, _SHAKE),
-    Scene("night", "infra-red light, noise", (108,), 1.0, _NIGHT),
-    Scene("stops", "the feed stops every 40 s for 20 s", (109,), 1.0, _STOPS),
+    Scene("plain", "holds back for up to 4 s every 15 s", (141,), 4.0),
+    Scene("empty mouth", "all falls through", (143,), 1.0, {"mouth_level": 0.0}),
+    Scene("full", "70 % full", (144,), 1.0, {"mouth_level": 0.7}),
+    Scene("style b", "another place, camera and ore", (145,), 1.0, {"style": "b"}),
+    Scene("dust", "thick dust with bursts", (146,), 1.0, _DUST),
+    Scene("shake", "the camera shakes by 1.5 px", (147,), 1.0, _SHAKE),
+    Scene("night", "infra-red light, noise", (148,), 1.0, _NIGHT),
+    Scene("stops", "the feed stops every 40 s for 20 s", (149,), 1.0, _STOPS),
     Scene(
-        "gaps", "the belt is empty at times", (111,), 1.0, {"empty_every_s": 40.0, "empty_duration_s": 20.0}
+        "gaps", "the belt is empty at times", (151,), 1.0, {"empty_every_s": 40.0, "empty_duration_s": 20.0}
     ),
 )
