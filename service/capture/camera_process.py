@@ -30,6 +30,7 @@ def run_camera(config: SiteConfig, camera_id: str, connection: Connection) -> No
     log_to_stderr()
     registry = CollectorRegistry()
     daemon = DaemonConnection(connection, registry)
+    daemon.obey_signals()
     camera = config.camera(camera_id)
     metrics = CameraMetrics(registry, camera_id)
     keys = Keys(config.site)

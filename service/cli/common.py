@@ -122,7 +122,8 @@ def stop_on_signals() -> threading.Event:
     def handle(number: int, frame: object) -> None:
         if stop.is_set():
             sys.exit(130)
-        stop.set()
+        # By another thread: the one that is interrupted may hold the event's lock.
+        threading.Thread(target=stop.set, name="stop").start()
 
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)

@@ -24,6 +24,7 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     log_to_stderr()
     registry = CollectorRegistry()
     daemon = DaemonConnection(connection, registry)
+    daemon.obey_signals()
     camera = config.camera(camera_id)
     rois = tuple(roi.id for roi in camera.rois)
     metrics, proofs = MonitorMetrics(registry, camera_id, rois), ProofMetrics(registry, camera_id, rois)

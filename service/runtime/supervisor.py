@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -89,10 +91,22 @@ def spawn(task: Task) -> tuple[Process, Connection]:
     """A new process that works on the task, and the daemon's end of its line."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=task.target, args=(*task.arguments, theirs), name=task.name, daemon=True)
+    arguments = (task.target, *task.arguments, theirs)
+    process = context.Process(target=_work, args=arguments, name=task.name, daemon=True)
     process.start()
     theirs.close()
     return process, ours
+
+
+def _work(target: Worker, *arguments: Any) -> None:
+    """Runs in the process: ends it as soon as the work is done.
+
+    Taking the interpreter and its libraries apart takes seconds on a busy machine, and the time to stop is limited.
+    """
+    target(*arguments)
+    logging.shutdown()
+    sys.stdout.flush()
+    os._exit(0)
 
 
 @dataclass(slots=True)

@@ -93,7 +93,9 @@ def event_file(store: Path, camera: str) -> Path:
 def is_corrupt(error: Exception) -> bool:
     """Whether the file itself is damaged, or is none of ours, and not only out of reach for now."""
     code = getattr(error, "sqlite_errorcode", None)
-    return isinstance(error, _Foreign) or (code is not None and code & 0xFF in _CORRUPT)
+    # SQLite's own words hold what it has found in the file, which is no text then.
+    foreign = isinstance(error, (_Foreign, UnicodeDecodeError))
+    return foreign or (code is not None and code & 0xFF in _CORRUPT)
 
 
 _REFUSED = (
@@ -110,7 +112,7 @@ def is_refused(error: Exception) -> bool:
         code = getattr(error, "sqlite_errorcode", None)
         return "bind" in str(error) if code is None else code & 0xFF in _REFUSED
     # Before SQLite sees them: text with half a surrogate pair, a number beyond 64 bits.
-    return isinstance(error, (ValueError, TypeError, OverflowError))
+    return isinstance(error, (ValueError, TypeError, OverflowError)) and not is_corrupt(error)
 
 
 _NOWHERE = (0, 0)

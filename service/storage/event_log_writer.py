@@ -271,7 +271,7 @@ class EventWriter:
         for _ in range(2):
             try:
                 work()
-            except (sqlite3.Error, OSError) as error:
+            except (sqlite3.Error, OSError, UnicodeDecodeError) as error:
                 self._drop()
                 damaged = is_corrupt(error)
                 self._tell("corrupt" if damaged else "unwritable", error)

@@ -8,6 +8,7 @@ whose daemon is gone stops by itself.
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -76,6 +77,20 @@ class DaemonConnection:
                 return True
         return self.stop.is_set()
 
+    def obey_signals(self) -> None:
+        """SIGTERM and SIGINT ask this process to end in order; to be called in its main thread.
+
+        A terminal sends them to every process, and so do managers of services: a worker that died of them at once would
+        leave undone what the daemon gives it time for.
+        """
+
+        def end(*_: object) -> None:
+            # By another thread: the one that is interrupted may hold the event's lock.
+            threading.Thread(target=self._end, name="end", daemon=True).start()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, end)
+
     def report_soon(self) -> None:
         """Report now, not only when it is time: somebody waits for what has changed."""
         self._due.set()
@@ -105,6 +120,10 @@ class DaemonConnection:
             self._connection.recv()
         except (EOFError, OSError):
             self.state = ORPHANED
+        self._end()
+
+    def _end(self) -> None:
+        """Ask the main loop to end, and end the process where it does not in time."""
         self.stop.set()
         time.sleep(GRACE_S)
         os._exit(1)

@@ -90,10 +90,15 @@ cameras:
                 self.process.kill()
                 raise
 
-    def stop(self) -> tuple[int, float]:
-        """Ask the daemon to stop; its exit code and the seconds it took."""
+    def stop(self, *, everyone: bool = False) -> tuple[int, float]:
+        """Ask the daemon to stop; its exit code and the seconds it took.
+
+        With `everyone` its processes get the signal first, as from systemd or a terminal.
+        """
         assert self.process is not None
         began = time.monotonic()
+        for pid in (pid for pids in self.children().values() for pid in pids if everyone):
+            os.kill(pid, signal.SIGTERM)
         self.process.send_signal(signal.SIGTERM)
         return self.process.wait(timeout=60), time.monotonic() - began
 

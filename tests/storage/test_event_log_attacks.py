@@ -122,6 +122,23 @@ def test_a_surprise_ends_no_thread_and_is_told(tmp_path: Path) -> None:
     assert sequences(tmp_path) == [2]
 
 
+def test_a_file_that_sqlite_cannot_even_name_is_moved_aside(tmp_path: Path) -> None:
+    log = writer(tmp_path)
+    assert log.write([entry(1)])
+    log.close()
+    path = event_file(tmp_path, "cam")
+    content = path.read_bytes()
+    at = content.index(b"CREATE TABLE")
+    path.write_bytes(
+        content[:at] + b"CREATE TABEE\xef(" + content[at + 14 :]
+    )  # its error quotes what is no text
+    again = writer(tmp_path)
+    assert again.write([entry(2)])
+    again.close()
+    assert sequences(tmp_path) == [2]
+    assert list(path.parent.glob("*.corrupt-*"))
+
+
 def test_a_flipped_byte_costs_the_rows_that_it_hits(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     log = writer(tmp_path)
     for first in range(1, 200, 20):
