@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from lumpwatch.models.roi import Image
 from lumpwatch.models.trackers.foreground import Foreground
@@ -19,6 +20,12 @@ SHOWN = 40
 """Pictures of the empty scene that a background model is shown."""
 LEAST_SPREAD = 6.0
 """Grey levels that a pixel varies by at least: compression and light change more than a median shows."""
+LEAST_SEEN = 3
+"""Pictures in which a place must be unoccupied for it to be learned from those alone."""
+CORE = (0.6, 0.85)
+"""Part of the width and height of a labelled box that is its object's body."""
+LEAST_THERE, MOST_SEEN = 6, 0.15
+"""Boxes that must have lain on a place, and the share of them in which it may be foreground, for it to be scenery."""
 _CHANGED = 40.0
 _MOST_CHANGED = 0.5
 
@@ -31,6 +38,8 @@ class EmptyScene:
     """BGR (h, w, 3)."""
     spread: Image
     """Standard deviation of each value, grey levels (h, w, 3)."""
+    cover: Image | None = None
+    """Not 0 where scenery stands before whatever passes, a post or a sign (h, w); None: not known."""
 
     def sized(self, shape: tuple[int, int]) -> EmptyScene:
         """The same for pictures of that height and width."""
@@ -41,7 +50,14 @@ class EmptyScene:
             np.asarray(cv2.resize(one, size, interpolation=cv2.INTER_AREA), np.uint8)
             for one in (self.picture, self.spread)
         )
-        return EmptyScene(picture, spread)
+        return EmptyScene(picture, spread, self.covering(shape))
+
+    def covering(self, shape: tuple[int, int]) -> Image | None:
+        """The cover for pictures of that height and width, 0 or 1."""
+        if self.cover is None:
+            return None
+        size = (shape[1], shape[0])
+        return np.asarray(cv2.resize(self.cover, size, interpolation=cv2.INTER_NEAREST) != 0, np.uint8)
 
     def is_of(self, picture: Image) -> bool:
         """Whether a BGR picture (h, w, 3) shows this place in about this light: most of it is as it was."""
@@ -49,17 +65,56 @@ class EmptyScene:
         return float((change > _CHANGED).mean()) < _MOST_CHANGED
 
 
-def learn_scene(pictures: Sequence[Image]) -> EmptyScene:
+def learn_scene(pictures: Sequence[Image], occupied: Sequence[Image] = ()) -> EmptyScene:
     """The scene behind whatever moves, from BGR pictures (h, w, 3) that are some seconds apart.
 
-    The spread is 1.4826 times the median absolute deviation. Raises ValueError without pictures.
+    `occupied` (h, w) is not 0 where a picture shows something that does not belong to the scene: a person who stands
+    for most of the clip is not taken for a part of it. Where fewer than `LEAST_SEEN` pictures show the place itself,
+    all count. The spread is 1.4826 times the median absolute deviation. Raises ValueError without pictures, and for
+    another number of masks than of pictures.
     """
     if not pictures:
         raise ValueError("no pictures to learn an empty scene from")
+    if occupied and len(occupied) != len(pictures):
+        raise ValueError(f"{len(occupied)} masks for {len(pictures)} pictures")
     stack = np.stack(pictures)
-    median = np.median(stack, axis=0).astype(np.uint8)
-    deviation = np.median(_apart(stack, median), axis=0)
+    if not occupied:
+        median = np.median(stack, axis=0).astype(np.uint8)
+        deviation = np.median(_apart(stack, median), axis=0)
+    else:
+        away = np.stack(occupied) != 0
+        away &= (~away).sum(axis=0) >= LEAST_SEEN
+        median = _median_without(stack, away).astype(np.uint8)
+        deviation = _median_without(_apart(stack, median), away)
     return EmptyScene(median, np.clip(np.ceil(1.4826 * deviation), 0, 255).astype(np.uint8))
+
+
+class CoverCounts:
+    """Finds scenery in the foreground: where labelled objects were often, and never seen."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._there, self._seen = np.zeros((2, *shape), np.int32)
+
+    def add(self, mask: Image, boxes: NDArray[np.float64]) -> None:
+        """Count the foreground mask (h, w) of a picture in its labelled boxes (n, 4): centre, width and height."""
+        for x, y, w, h in boxes:
+            (left, top), (right, bottom) = (
+                (round(max(x + side * CORE[0] * w / 2, 0)), round(max(y + side * CORE[1] * h / 2, 0)))
+                for side in (-1, 1)
+            )
+            self._there[top:bottom, left:right] += 1
+            self._seen[top:bottom, left:right] += mask[top:bottom, left:right] != 0
+
+    def cover(self) -> Image | None:
+        """The cover (h, w), 0 or 1; None where there is none."""
+        found = (self._there >= LEAST_THERE) & (self._seen < MOST_SEEN * self._there)
+        return found.astype(np.uint8) if found.any() else None
+
+
+def _median_without(stack: Image, away: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Median over pictures (n, h, w, 3), but for those `away` (n, h, w): half of them go to either end."""
+    ends = np.where(np.cumsum(away, axis=0) % 2 == 0, np.uint8(255), np.uint8(0))
+    return np.asarray(np.median(np.where(away[..., None], ends[..., None], stack), axis=0))
 
 
 def _apart(stack: Image, picture: Image) -> Image:

@@ -29,6 +29,8 @@ def encode_tracker(fit: TrackerFit | None) -> Arrays:
         )
     if fit.scene is not None:
         arrays |= {"tracker_scene": fit.scene.picture, "tracker_scene_spread": fit.scene.spread}
+        if fit.scene.cover is not None:
+            arrays["tracker_cover"] = fit.scene.cover
     if fit.foreground is not None:
         kind, threshold = _KINDS.index(fit.foreground.kind), fit.foreground.threshold
         arrays["tracker_foreground"] = np.array([kind, threshold])
@@ -55,7 +57,10 @@ def decode_tracker(arrays: Arrays) -> TrackerFit | None:
             raise ValueError(f"a scene of shape {picture.shape}")
         if picture.dtype != np.uint8 or spread.dtype != np.uint8:
             raise ValueError("a scene holds bytes")
-        scene = EmptyScene(picture, spread)
+        cover = arrays.get("tracker_cover")
+        if cover is not None and (cover.shape != picture.shape[:2] or cover.dtype != np.uint8):
+            raise ValueError(f"a cover of shape {cover.shape}")
+        scene = EmptyScene(picture, spread, cover)
     if "tracker_foreground" in arrays:
         kind, threshold = arrays["tracker_foreground"]
         foreground = ForegroundChoice(_KINDS[int(kind)], float(threshold))

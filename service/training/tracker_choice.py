@@ -2,7 +2,7 @@
 
 Each candidate is run over the clips as the live region would be, and scored against the labels by the mean of SFDA
 (are all boxes found, and do they fit) and ATA (are whole tracks held by one identity). One thing is chosen after
-another; a larger picture costs time, so it has to be better by `WORTH`.
+another, where it is better by `WORTH`.
 """
 
 from __future__ import annotations
@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lumpwatch.models.evaluation import Tracks, evaluate, tracks_of
 from lumpwatch.models.learning import ForegroundChoice, Learned, TrackerFit
 from lumpwatch.models.roi import Image
-from lumpwatch.models.trackers.scene import learn_scene
+from lumpwatch.models.trackers.foreground import MixtureForeground, MixtureOptions, cleaned
+from lumpwatch.models.trackers.scene import CoverCounts, EmptyScene, learn_scene, show
 from lumpwatch.service.capture import read_frames
 from lumpwatch.service.config import CameraConfig, ImmPfConfig, JdtConfig, RoiConfig
 from lumpwatch.service.core import working_colour
@@ -36,10 +39,13 @@ FOREGROUNDS = (
 NOISE_FACTORS = (0.6, 1.6)
 """Factors of the noise that are tried besides 1."""
 WORTH = 0.01
-"""A larger picture must raise the score by this much."""
+"""What is chosen instead of what comes before must raise the score by this much: less is the luck of the draw, and a
+larger picture costs time."""
 MOST_FRAMES = 500
 """Frames of each clip that a candidate is run over."""
 SCENE_PICTURES = 48
+OCCUPIED = 1.3
+"""A labelled box covers its object this many times its size: a shadow and a stride go beyond it."""
 CANDIDATES = len(SIZES) + len(FOREGROUNDS) - 1 + len(NOISE_FACTORS)
 """Runs over the clips, at most."""
 
@@ -72,7 +78,10 @@ def choose(
     longest = max(material.footage.roi.width, material.footage.roi.height)
     configured = "working_size_px" in detector.model_fields_set
     sizes = [detector.working_size_px] if configured else _sizes(longest)
-    fit = replace(fit, scene=learn_scene(_pictures(only, roi, clips, sizes[-1], material.footage.count)))
+    shown = list(_pictures(only, roi, clips, sizes[-1], material.footage.count))
+    fit = replace(fit, scene=learn_scene([one for one, _ in shown], [there for _, there in shown]))
+    if isinstance(detector, ImmPfConfig):
+        fit = replace(fit, scene=_with_cover(only, roi, clips, fit.scene, sizes[-1]))
     tried: list[Tried] = []
 
     def score(candidate: TrackerFit, text: str) -> float:
@@ -92,12 +101,12 @@ def choose(
     for other in FOREGROUNDS[1:] if foreground is not None else ():
         candidate = replace(best, foreground=other)
         reached = score(candidate, f"working size {best.working_size_px}, {_named(candidate)}")
-        if reached > best_score:
+        if reached > best_score + WORTH:
             best, best_score = candidate, reached
     for factor in NOISE_FACTORS if isinstance(detector, ImmPfConfig) else ():
         candidate = replace(best, noise=fit.noise.times(factor))
         reached = score(candidate, f"{factor:g} times the noise")
-        if reached > best_score:
+        if reached > best_score + WORTH:
             best, best_score = candidate, reached
     advance(CANDIDATES)
     return replace(learned, tracker=best), tuple(
@@ -121,21 +130,57 @@ def _named(fit: TrackerFit) -> str:
 
 def _pictures(
     camera: CameraConfig, roi: RoiConfig, clips: Sequence[Clip], size: int, count: int
-) -> list[Image]:
-    """Working pictures of that size, evenly over all clips."""
-    sized = roi.model_copy(update={"detector": roi.detector.model_copy(update={"working_size_px": size})})
+) -> Iterator[tuple[Image, Image]]:
+    """Working pictures of that size, evenly over all clips, and where labelled objects are in them."""
     stride = max(1, count // SCENE_PICTURES)
-    kept = []
     for clip in clips:
-        frames, _ = read_frames(camera, clip.video)
-        with closing(frames):
-            for number, frame in enumerate(frames):
-                if number % stride == 0:
-                    geometry = make_region(sized, frame.width, frame.height)
-                    picture = working_colour(frame, geometry)
-                    picture[geometry.mask == 0] = 0
-                    kept.append(picture)
-    return kept
+        for picture, boxes in _working(camera, roi, clip, size, stride):
+            occupied = np.zeros(picture.shape[:2], np.uint8)
+            for x, y, w, h in boxes:
+                (left, top), (right, bottom) = (
+                    (
+                        round(max(x + side * OCCUPIED * w / 2, 0)),
+                        round(max(y + side * OCCUPIED * h / 2, 0)),
+                    )
+                    for side in (-1, 1)
+                )
+                occupied[top:bottom, left:right] = 1
+            yield picture, occupied
+
+
+def _with_cover(
+    camera: CameraConfig, roi: RoiConfig, clips: Sequence[Clip], scene: EmptyScene | None, size: int
+) -> EmptyScene | None:
+    """The scene with what stands before whoever passes."""
+    if scene is None:
+        return None
+    counts = CoverCounts(scene.picture.shape[:2])
+    model = MixtureForeground(MixtureOptions(threshold=FOREGROUNDS[0].threshold))
+    show(scene, model, np.random.default_rng(roi.detector.seed))
+    for clip in clips:
+        for picture, boxes in islice(_working(camera, roi, clip, size, 1), MOST_FRAMES):
+            if picture.shape == scene.picture.shape:
+                counts.add(cleaned(model.apply(picture, learn=False)), boxes)
+    return replace(scene, cover=counts.cover())
+
+
+def _working(
+    camera: CameraConfig, roi: RoiConfig, clip: Clip, size: int, stride: int
+) -> Iterator[tuple[Image, NDArray[np.float64]]]:
+    """Every `stride`-th working picture of that size with its labelled boxes (n, 4): centre, width and height."""
+    sized = roi.model_copy(update={"detector": roi.detector.model_copy(update={"working_size_px": size})})
+    by_frame: dict[int, list[tuple[float, float, float, float]]] = {}
+    for box in clip.boxes:
+        by_frame.setdefault(box.frame, []).append((box.x, box.y, box.w, box.h))
+    frames, _ = read_frames(camera, clip.video)
+    with closing(frames):
+        for number, frame in enumerate(frames):
+            if number % stride == 0:
+                geometry = make_region(sized, frame.width, frame.height)
+                picture = working_colour(frame, geometry)
+                picture[geometry.mask == 0] = 0
+                framed = np.array(by_frame.get(number + 1, []), np.float64).reshape(-1, 4)
+                yield picture, geometry.to_working(framed)
 
 
 def _score(camera: CameraConfig, roi: RoiConfig, clip: Clip, prior: Prior) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -136,6 +136,31 @@ def test_a_hidden_target_goes_on() -> None:
     middle = found[20]
     assert len(middle) == 2
     assert all(one.existence > 0.9 for one in middle)
+
+
+def test_a_target_stops_behind_a_sign_that_is_known() -> None:
+    """It stands behind a sign for six seconds; where the sign is not known the tracker gives it up."""
+    sign = np.zeros(SHAPE, np.uint8)
+    sign[30:90, 95:135] = 1
+    scene = walk(20) + [[(116.0, 60.0, RED, BLUE)]] * 42
+    kept = {}
+    for cover in (None, sign):
+        one = ImmPfTracker(
+            replace(TrackerOptions(), hidden_s=10.0),
+            (ConstantPosition("CP", 6.0), ConstantVelocity("CV", 30.0)),
+            SIZE,
+            Difference(),
+            np.random.default_rng(0),
+            cover,
+        )
+        for people in scene:
+            picture = draw(people)
+            picture[sign != 0] = GROUND[sign != 0]
+            found = one.step(picture, DT)
+        kept[cover is not None] = [some.box[:2] for some in found if some.confirmed]
+    assert kept[False] == []
+    assert len(kept[True]) == 1
+    assert np.hypot(*(kept[True][0] - [116, 60])) < 20.0
 
 
 def test_a_target_that_vanishes_ends() -> None:

@@ -10,7 +10,7 @@ from lumpwatch.models.learning.tracker_fit import LEAST_VELOCITY_H_S
 from lumpwatch.models.learning.tracks import Track
 from lumpwatch.models.trackers.foreground import MixtureForeground
 from lumpwatch.models.trackers.imm_pf import learn_linear
-from lumpwatch.models.trackers.scene import learn_scene, show
+from lumpwatch.models.trackers.scene import CoverCounts, EmptyScene, learn_scene, show
 
 HEIGHT = 500.0
 
@@ -86,3 +86,40 @@ def test_another_light_is_another_scene() -> None:
     assert not scene.is_of(np.full((20, 20, 3), 200, np.uint8))
     with pytest.raises(ValueError, match="no pictures"):
         learn_scene([])
+
+
+def test_who_stands_for_most_of_the_clip_is_no_scene_where_the_labels_say_so() -> None:
+    ground, stands = np.full((20, 30, 3), 120, np.uint8), np.full((20, 30, 3), 120, np.uint8)
+    stands[5:15, 10:15] = 30
+    there = np.zeros((20, 30), np.uint8)
+    there[4:16, 9:16] = 1
+    pictures, masks = [stands] * 7 + [ground] * 3, [there] * 7 + [np.zeros_like(there)] * 3
+    assert (learn_scene(pictures).picture[5:15, 10:15] == 30).all()
+    told = learn_scene(pictures, masks)
+    assert (told.picture == 120).all()
+    assert (told.spread == 0).all()
+    # Never seen empty often enough: what was there most is all that is known.
+    assert (learn_scene(pictures[:9], masks[:9]).picture[5:15, 10:15] == 30).all()
+    with pytest.raises(ValueError, match="1 masks for 10 pictures"):
+        learn_scene(pictures, masks[:1])
+
+
+def test_a_post_before_everybody_is_cover() -> None:
+    """People pass behind a post, which hides them from column 20 to 23; where few passed nothing is said."""
+    counts = CoverCounts((40, 60))
+    assert counts.cover() is None
+    for x in range(5, 40):
+        mask = np.zeros((40, 60), np.uint8)
+        mask[10:30, max(x - 4, 0) : x + 5] = 255
+        mask[:, 20:24] = 0
+        counts.add(mask, np.array([[x, 20.0, 10.0, 22.0]]))
+    cover = counts.cover()
+    assert cover is not None
+    rows, columns = np.nonzero(cover)
+    assert set(columns.tolist()) == {20, 21, 22, 23}
+    assert (rows.min(), rows.max()) == (11, 28)
+    scene = EmptyScene(np.zeros((40, 60, 3), np.uint8), np.zeros((40, 60, 3), np.uint8), cover)
+    half = scene.sized((20, 30))
+    assert half.cover is not None
+    assert half.cover[:, 10:12].any()
+    assert not half.cover[:, :10].any()

@@ -1,7 +1,8 @@
 """Runs the experiments and writes their pages and pictures into docs/: `make reproduce`.
 
 Words on the command line choose some: lumps, difficulty, real, exact, paper1, background, jpda, imm, points,
-quality, pictures. What follows `difficulty` or `real` is for it: `python -m tests.reproduction difficulty --help`.
+manoeuvres, quality, pictures. What follows `difficulty` or `real` is for it:
+`python -m tests.reproduction difficulty --help`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from tests.reproduction import (  # noqa: E402
     exact,
     imm,
     lumps,
+    manoeuvres,
     paper1,
     paper3_background,
     paper3_jpda,
@@ -38,6 +40,7 @@ EXPERIMENTS = {
     "jpda": paper3_jpda.main,
     "imm": imm.main,
     "points": points.main,
+    "manoeuvres": manoeuvres.main,
     "quality": quality.main,
     "pictures": pictures.main,
 }

@@ -281,7 +281,7 @@ alarms ({clutter:g} a scan) in {side} x {side} px; it is detected with probabili
 {noise:g} px, and turns round before the edges, which neither filter knows. A target counts as found from an existence
 of 0.5 on. OSPA and GOSPA (order 2, alpha 2, cut off at {far:g} px) are means over scans and scenes; in brackets the
 difference to Stone Soup's with the 95 % interval of the paired mean: below 0 is better. Time is that of one core, the
-likelihood included. Filters with several motion models on point detections are not compared here.
+likelihood included. Filters with several motion models: [manoeuvres](manoeuvres.md).
 
 | filter | births | particles | OSPA (px) | GOSPA (px) | ms a scan |
 |---|---|---|---|---|---|

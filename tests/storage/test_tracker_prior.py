@@ -15,7 +15,9 @@ from lumpwatch.service.detection.choices import with_choices
 from lumpwatch.service.storage import decode_prior, encode_prior
 from tests.service_helpers import camera, learned, prior
 
-SCENE = EmptyScene(np.full((6, 8, 3), 90, np.uint8), np.full((6, 8, 3), 4, np.uint8))
+SCENE = EmptyScene(
+    np.full((6, 8, 3), 90, np.uint8), np.full((6, 8, 3), 4, np.uint8), np.eye(6, 8, dtype=np.uint8)
+)
 FIT = TrackerFit(
     noise=Noise(0.02, 0.06, 0.1),
     size=LinearSize(0.25, 0.04, 0.35, 0.1, 0.8),
@@ -36,6 +38,9 @@ def test_a_tracker_prior_is_read_as_it_was_written() -> None:
     )
     assert kept.scene is not None
     assert np.array_equal(kept.scene.picture, SCENE.picture)
+    assert kept.scene.cover is not None
+    assert SCENE.cover is not None
+    assert np.array_equal(kept.scene.cover, SCENE.cover)
     assert decode_prior(encode_prior(prior(learned())), "prior").learned.tracker is None
 
 

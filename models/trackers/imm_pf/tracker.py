@@ -28,6 +28,7 @@ from lumpwatch.models.trackers.foreground import Foreground
 from lumpwatch.models.trackers.imm_pf.births import candidates, outside
 from lumpwatch.models.trackers.imm_pf.filter import ImmFilter, estimate, joint_weights, predict_all
 from lumpwatch.models.trackers.imm_pf.observation import (
+    STEP,
     PictureGrids,
     add,
     observe,
@@ -54,12 +55,17 @@ class ImmPfTracker:
         size: BoxSize,
         foreground: Foreground,
         rng: np.random.Generator,
+        cover: Image | None = None,
     ) -> None:
-        """Raises ValueError where the options do not fit the number of models, or `rng` is no Generator."""
+        """`cover` (h, w) is not 0 where scenery stands before targets: it hides them as nearer targets do.
+
+        Raises ValueError where the options do not fit the number of models, or `rng` is no Generator.
+        """
         check_rng(rng)
         self._options, self._size = options, size
         self._filter = ImmFilter(tuple(models), options.filter)
         self._foreground, self._rng = foreground, rng
+        self._cover = None if cover is None else (cover[::STEP, ::STEP] != 0).astype(np.uint8)
         self._before: Image | None = None
         self._targets: list[Target] = []
         self._recognition = Recognition(options)
@@ -109,6 +115,8 @@ class ImmPfTracker:
         )
         self._size.fill(moved)
         covered, claimed = np.zeros((2, *seen.colour.shape), np.uint8)
+        if self._cover is not None:
+            covered[:] = self._cover
         clouds = dict(zip((target.id for target in targets), np.split(moved, len(targets)), strict=True))
         for target in targets:
             target.state = self._sized(joint_weights(target.belief) @ clouds[target.id])

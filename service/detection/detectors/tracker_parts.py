@@ -67,11 +67,12 @@ def make_imm_pf(
     size: BoxSize,
     foreground: Foreground,
     rng: np.random.Generator,
+    cover: Image | None = None,
 ) -> Tracker:
-    """The tracker of paper 2."""
+    """The tracker of paper 2; `cover` is scenery before the targets."""
     numbers = ImmOptions(config.particles, config.all_every, config.model_every, config.least_model_share)
     options = TrackerOptions(filter=numbers, hidden_s=config.hidden_s)
-    return ImmPfTracker(options, models, size, foreground, rng)
+    return ImmPfTracker(options, models, size, foreground, rng, cover)
 
 
 def make_jpda(

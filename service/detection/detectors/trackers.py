@@ -69,6 +69,8 @@ class TrackerDetector:
         profile = make_profile(self._config.size_h, learned, self.roi)
         self._parts = models, profile
         line = learned.tracker.size if learned is not None and learned.tracker is not None else None
+        scene = learned.tracker.scene if learned is not None and learned.tracker is not None else None
+        self._cover = None if scene is None else scene.covering(self.roi.shape)
         self._size: BoxSize = ProfileSize(profile) if line is None else line.scaled(height)
         self._start()
 
@@ -76,7 +78,9 @@ class TrackerDetector:
         models, _ = self._parts
         self._id_offset = self._last_id
         if isinstance(self._config, ImmPfConfig):
-            self._tracker = make_imm_pf(self._config, models, self._size, self._foreground, self._rng)
+            self._tracker = make_imm_pf(
+                self._config, models, self._size, self._foreground, self._rng, self._cover
+            )
         else:
             self._tracker = make_jpda(self._config, models, self.roi, self._foreground)
 
