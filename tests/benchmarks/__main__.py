@@ -8,7 +8,7 @@ import sys
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-from tests.benchmarks import background, cost, peers, pipeline, report, scaling  # noqa: E402 - threads are set first
+from tests.benchmarks import background, cost, events, peers, pipeline, report, scaling  # noqa: E402 - threads are set first
 
 
 def main() -> None:
@@ -39,4 +39,9 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    cost.main() if sys.argv[1:] == ["cost"] else main()
+    if sys.argv[1:2] == ["events"]:
+        events.main(sys.argv[2:])
+    elif sys.argv[1:] == ["cost"]:
+        cost.main()
+    else:
+        main()
