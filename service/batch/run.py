@@ -62,7 +62,7 @@ def run_tasks(
             if not waiting:
                 return run.outcomes()
             ready, _ = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in ready:
+            for future in sorted(ready, key=waiting.__getitem__):
                 index = waiting.pop(future)
                 run.add(index, _outcome(future, tasks[index].name))
     finally:
