@@ -39,7 +39,7 @@ $(READY): pyproject.toml requirements.lock
 	@touch $@
 
 demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by itself
-	$(BIN)/lumpwatch demo --seconds $(DEMO_SECONDS)
+	$(BIN)/lumpwatch demo $(if $(filter-out 0,$(DEMO_SECONDS)),--for $(DEMO_SECONDS)s)
 
 # Those that start daemons and break them mostly wait, so they run beside the others; both share their work file by file.
 DAEMONS := tests/faults tests/integration

@@ -17,6 +17,7 @@ from importlib.metadata import version
 from typing import Any, NoReturn
 
 from lumpwatch.service.cli.overview import overview, unknown
+from lumpwatch.service.cli.word_order import verb_first
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.threads import use_one_thread
 
@@ -53,6 +54,8 @@ _MODULES = {
     "completion": ("completion",),
 }
 """Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
+_WITH_VERBS = ("evidence", "service", "users", "verdict")
+"""Commands whose verb 0.1 had behind the file."""
 _EXTRAS = {
     "console": ("anyio", "jinja2", "starlette", "uvicorn"),
 }
@@ -62,6 +65,13 @@ _EXTRAS = {
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+def of_command(top: argparse.ArgumentParser, command: str) -> argparse.ArgumentParser:
+    """The parser of one command."""
+    actions = (action for action in top._actions if isinstance(action, argparse._SubParsersAction))
+    found: argparse.ArgumentParser = next(actions).choices[command]
+    return found
 
 
 def parser(command: str | None = None) -> argparse.ArgumentParser:
@@ -142,7 +152,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.write(overview())
             sys.stdout.flush()
             return 0
-        arguments = parser(given[0] if given and given[0] in alone else None).parse_args(given)
+        command = given[0] if given and given[0] in alone else None
+        top = parser(command)
+        if command in _WITH_VERBS:
+            given = [command, *verb_first(of_command(top, command), given[1:])]
+        arguments = top.parse_args(given)
         with _loudness(getattr(arguments, "log_level", None)):
             return int(arguments.command(arguments))
     except SystemExit as error:

@@ -35,14 +35,12 @@ def completion(arguments: argparse.Namespace) -> int:
 def grammars() -> list[Grammar]:
     """Of every command that can run here: some need packages of an extra."""
     # Only this command looks at all the others, so it asks for them when it runs.
-    from lumpwatch.service.cli import parser
+    from lumpwatch.service.cli import of_command, parser
 
     found = []
     for name in (name for group in GROUPS.values() for name in group):
         try:
-            top = parser(name)
+            found.append(grammar_of(name, of_command(parser(name), name)))
         except LumpwatchError:
             continue
-        chosen = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction))
-        found.append(grammar_of(name, chosen.choices[name]))
     return found

@@ -67,7 +67,7 @@ cameras:
     rois:
       - id: {ROI}
         polygon: {polygon}
-        alarm: {{raise_above: 0.9, clear_below: 0.5, on_delay_s: 0.2, off_delay_s: 1.0, latch: false}}
+        alarm: {{off_delay_s: 1.0, latch: false}}
 """
 
 

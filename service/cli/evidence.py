@@ -39,10 +39,10 @@ def add(commands: Commands) -> None:
         "evidence",
         evidence,
         "List, show or fetch the evidence of alarms: clip without loss, still, curve and filter state.",
-        "lumpwatch evidence site.yaml fetch 001763791200000-000012 --out alarms",
+        "lumpwatch evidence fetch site.yaml 001763791200000-000012 --out alarms",
     )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("what", choices=("list", "show", "fetch"), help="what to do")
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
         "id",
         nargs="?",

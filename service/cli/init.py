@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from lumpwatch.service.cli.options import Commands, add_command
+from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 
@@ -71,6 +71,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--defaults", action="store_true", help="ask nothing: take what is usual for the rest"
     )
+    add_json(parser, "print what was written and the answers as JSON")
 
 
 def init(arguments: argparse.Namespace) -> int:
@@ -78,11 +79,15 @@ def init(arguments: argparse.Namespace) -> int:
     if arguments.config.exists():
         raise ConfigError(f"{arguments.config}: exists; it is not overwritten")
     given = {name: getattr(arguments, name) for name, *_ in _QUESTIONS}
-    text = configuration(str(arguments.config), answers(given, None if arguments.defaults else _ask))
+    found = answers(given, None if arguments.defaults else _ask)
+    text = configuration(str(arguments.config), found)
     try:
         arguments.config.write_text(text, encoding="utf-8")
     except OSError as error:
         raise LumpwatchError(f"{arguments.config}: cannot be written ({error.strerror})") from error
+    if arguments.json:
+        tell_json({"file": str(arguments.config), **{name: found[name] or None for name in found}})
+        return 0
     sys.stdout.write(
         f"{arguments.config} is written. Next: lumpwatch check {arguments.config} --connect, then draw the polygon "
         "(docs/commissioning.md).\n"

@@ -34,8 +34,11 @@ def add(commands: Commands) -> None:
 
 
 def _add(commands: Commands, row: Command, cli: Cli) -> None:
-    example = f"lumpwatch {row.name} site.yaml {cli.example.format(where=_WHERE)}"
+    example = f"lumpwatch {row.name} {cli.verb}site.yaml {cli.example.format(where=_WHERE)}"
     parser = add_command(commands, row.name, partial(_ask, row), cli.text, example)
+    for name, field in _own(row).items():
+        if _is_verb(field):
+            parser.add_argument(name, choices=get_args(field.annotation), help=_text(name, field))
     parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--camera", metavar="ID", help="camera of the alarm (default: the only one)")
     parser.add_argument("--roi", metavar="ID", help="ROI of the alarm (default: the only one)")
@@ -48,7 +51,8 @@ def _add(commands: Commands, row: Command, cli: Cli) -> None:
         help="lump (default), blind: the ROI cannot judge, or system: it judges late, or a proof test failed",
     )
     for name, field in _own(row).items():
-        _add_field(parser, name, field)
+        if not _is_verb(field):
+            _add_field(parser, name, field)
     add_json(parser, "print what became of the alarm as JSON")
 
 
@@ -58,12 +62,19 @@ def _own(row: Command) -> dict[str, FieldInfo]:
     return {name: field for name, field in row.request.model_fields.items() if name not in shared}
 
 
-def _add_field(parser: argparse.ArgumentParser, name: str, field: FieldInfo) -> None:
+def _is_verb(field: FieldInfo) -> bool:
+    """Whether it stands as a word before CONFIG, as the verbs of other commands do."""
+    return get_origin(field.annotation) is Literal
+
+
+def _text(name: str, field: FieldInfo) -> str:
     text = (field.description or name).rstrip(".").replace("`", "")
-    text = text[0].lower() + text[1:]
-    if get_origin(field.annotation) is Literal:
-        parser.add_argument(name, choices=get_args(field.annotation), help=text)
-    elif name.endswith(_SPAN):
+    return text[0].lower() + text[1:]
+
+
+def _add_field(parser: argparse.ArgumentParser, name: str, field: FieldInfo) -> None:
+    text = _text(name, field)
+    if name.endswith(_SPAN):
         option, text = name.removesuffix(_SPAN), f"{text}: 90s, 30m, 1h30m"
         parser.add_argument(f"--{option}", required=field.is_required(), dest=name, metavar="TIME", help=text)
     else:

@@ -11,7 +11,7 @@ from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
 from lumpwatch.service.cli.common import camera_of, roi_of
 from lumpwatch.service.cli.options import Commands, add_actor, add_command
 from lumpwatch.service.config import load_config
-from lumpwatch.service.protocol import Outcome, ProofResult
+from lumpwatch.service.protocol import SHOWS, Outcome, ProofResult
 
 _PATIENCE_S = 300.0
 
@@ -49,6 +49,8 @@ def proof(arguments: argparse.Namespace) -> int:
                 passed &= result.outcome is Outcome.PASSED
                 sys.stdout.write((answer.decode() if arguments.json else describe(result)) + "\n")
                 sys.stdout.flush()
+    if not arguments.json:
+        sys.stdout.write(SHOWS + "\n")
     return 0 if passed else 1
 
 

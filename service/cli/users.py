@@ -21,10 +21,10 @@ def add(commands: Commands) -> None:
         users,
         "List, add, change or remove the users of the console. The password is asked for, or read from standard "
         "input where that is no terminal; a running console follows at once.",
-        "lumpwatch users site.yaml add anna --role operator",
+        "lumpwatch users add site.yaml anna --role operator",
     )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("what", choices=("list", "add", "role", "remove"), help="what to do")
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("name", nargs="?", metavar="NAME", help="the user (add, role, remove)")
     parser.add_argument(
         "--role", choices=[role.label for role in UserRole], help="what the user may do (add, role)"

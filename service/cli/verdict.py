@@ -22,12 +22,12 @@ def add(commands: Commands) -> None:
         "verdict",
         verdict,
         "Say whether an alarm was true; the last word counts, all are kept. For reports and training.",
-        'lumpwatch verdict site.yaml --camera crusher-1 --roi apron --alarm 12 false --by anna --note "dust"',
+        'lumpwatch verdict false site.yaml --camera crusher-1 --roi apron --alarm 12 --by anna --note "dust"',
     )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument(
         "verdict", choices=tuple(verdict.value for verdict in VerdictOutcome), help="what the alarm was"
     )
+    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
     parser.add_argument("--camera", metavar="ID", help="camera of the alarm (default: the only one)")
     parser.add_argument("--roi", metavar="ID", help="ROI of the alarm (default: the only one)")
     which = parser.add_mutually_exclusive_group()

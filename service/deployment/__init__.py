@@ -3,7 +3,7 @@
 from lumpwatch.service.deployment.bundling import Bundle, bundle
 from lumpwatch.service.deployment.engine import DockerEngine, connect
 from lumpwatch.service.deployment.errors import DeployError
-from lumpwatch.service.deployment.plan import Found, short_name
+from lumpwatch.service.deployment.plan import Found, Plan, short_name
 from lumpwatch.service.deployment.rollout import Rollout
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "DeployError",
     "DockerEngine",
     "Found",
+    "Plan",
     "Rollout",
     "bundle",
     "connect",

@@ -37,6 +37,7 @@ from lumpwatch.service.protocol.messages import (
     StateMessage,
 )
 from lumpwatch.service.protocol.proof import (
+    SHOWS,
     BlendPlan,
     BlendReply,
     LumpAt,
@@ -68,6 +69,7 @@ __all__ = [
     "MESSAGES",
     "META",
     "PRIOR",
+    "SHOWS",
     "SIDES",
     "STATE",
     "STATES",

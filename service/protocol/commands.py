@@ -54,7 +54,9 @@ class Cli:
 
     text: str
     example: str = "{where}"
-    """What stands behind CONFIG in its example; `{where}` becomes `--camera`, `--roi` and `--actor`."""
+    """What stands behind CONFIG in its example; `{where}` becomes `--camera`, `--roi` and `--by`."""
+    verb: str = ""
+    """What stands before CONFIG in its example, with a blank behind it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +240,8 @@ _ROWS = (
         _service,
         cli=Cli(
             "Take an alarm out of service, or put it back in; it stays out until then.",
-            'out {where} --reason "camera is being moved"',
+            '{where} --reason "camera is being moved"',
+            verb="out ",
         ),
     ),
     Command(

@@ -46,6 +46,14 @@ class ProofReason(StrEnum):
     """The daemon was stopped (inconclusive)."""
 
 
+SHOWS = (
+    "A proof test shows that the chain from the camera's frames to the alarm works now, with this light and this "
+    "prior. Its lump is drawn: it does not show that lumps like those of this site are found. A backtest on labelled "
+    "footage of the site shows that."
+)
+"""What may be concluded from a proof test, for people; it stands with every result."""
+
+
 class ProofRequest(Request):
     """Ask for a proof test; the reply comes when it has ended."""
 
@@ -77,6 +85,8 @@ class ProofResult(Record):
     """Version of the prior in use."""
     actor: str = ""
     """Who asked; empty: the schedule."""
+    shows: str = SHOWS
+    """What may be concluded from it and what not."""
 
 
 _Share = Annotated[float, Field(ge=-1.0, le=2.0, allow_inf_nan=False)]

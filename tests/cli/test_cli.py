@@ -145,7 +145,7 @@ def test_the_version(capsys: Captured) -> None:
         ("ack", "a.yaml", "--camera", "c", "--roi", "r"),
         ("ack", "a.yaml", "--camera", "c", "--roi", "r", "--actor", "a", "--class", "dust"),
         ("shelve", "a.yaml", "--camera", "c", "--roi", "r", "--actor", "a", "--for", "1h"),
-        ("service", "a.yaml", "off", "--camera", "c", "--roi", "r", "--actor", "a"),
+        ("service", "off", "a.yaml", "--camera", "c", "--roi", "r", "--actor", "a"),
         ("events", "a.yaml", "--format", "xml"),
     ],
 )
@@ -162,7 +162,7 @@ NEEDS_CONFIG = [
     ("ack", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
     ("reset", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
     ("unshelve", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
-    ("service", "{}", "in", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
+    ("service", "in", "{}", "--camera", "cam", "--roi", "apron", "--actor", "Ada"),
     ("train", "{}", "clip.mp4", "gt.txt", "--camera", "cam", "--roi", "apron"),
     ("refine", "{}", "clip.mp4", "--camera", "cam", "--roi", "apron"),
     ("priors", "list", "{}", "--camera", "cam", "--roi", "apron"),
@@ -519,7 +519,7 @@ def test_moments() -> None:
 
 
 def test_out_of_service_needs_a_reason(capsys: Captured, config: Path) -> None:
-    assert "service: reason: " in failed(capsys, "service", config, "out", *OF, code=2)
+    assert "service: reason: " in failed(capsys, "service", "out", config, *OF, code=2)
 
 
 def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:

@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 
+import lumpwatch.service.deployment
 from lumpwatch.service.config import UserRole
 from lumpwatch.service.console import UserFile
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
 from lumpwatch.service.storage.prior_store import PriorStore
 from tests.cli.test_cli import Captured, done
+from tests.engine_fake import FakeEngine
 from tests.servers.clips import write_clip
 from tests.service_helpers import prior, site_tree
 from tests.storage.test_event_log import event
@@ -27,6 +29,13 @@ def config(tmp_path: Path) -> Path:
         encoding="utf-8",
     )
     return path
+
+
+class DeployEngine(FakeEngine):
+    """An engine in memory that has every image under its own name."""
+
+    def image(self, name: str, pull: bool = False) -> str:
+        return name
 
 
 def told(capsys: Captured, *arguments: object) -> Any:
@@ -63,11 +72,11 @@ def test_priors(capsys: Captured, config: Path, tmp_path: Path) -> None:
 
 def test_users(capsys: Captured, config: Path, tmp_path: Path) -> None:
     UserFile(tmp_path / "users.json").put("anna", "correct horse", UserRole.named("operator"))
-    assert told(capsys, "users", config, "list") == [{"name": "anna", "role": "operator"}]
-    assert told(capsys, "users", config, "role", "anna", "--role", "viewer") == [
+    assert told(capsys, "users", "list", config) == [{"name": "anna", "role": "operator"}]
+    assert told(capsys, "users", "role", config, "anna", "--role", "viewer") == [
         {"name": "anna", "role": "viewer"}
     ]
-    assert told(capsys, "users", config, "remove", "anna") == []
+    assert told(capsys, "users", "remove", config, "anna") == []
 
 
 def test_events_are_one_a_line(capsys: Captured, config: Path, tmp_path: Path) -> None:
@@ -104,3 +113,32 @@ def test_reference(capsys: Captured, config: Path, tmp_path: Path) -> None:
         assert isinstance(threshold["usual"], float)
     again = told(capsys, "reference", config, "--use", 1)
     assert (again["version"], again["lights"]) == (1, found["lights"])
+
+
+def test_init(capsys: Captured, tmp_path: Path) -> None:
+    file = tmp_path / "new.yaml"
+    written = told(capsys, "init", file, "--defaults", "--site", "pit")
+    assert written == {
+        "file": str(file), "site": "pit", "camera": "crusher-1", "source": "sim:feed", "roi": "apron",
+        "limit_mm": None,
+    }  # fmt: skip
+
+
+def test_deploy(capsys: Captured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = DeployEngine()
+    monkeypatch.setattr(lumpwatch.service.deployment, "connect", lambda socket: engine)
+    tree = site_tree()
+    tree["cameras"][0]["source"]["url"] = "sim:feed"
+    config = tmp_path / "site.yaml"
+    config.write_text(json.dumps(tree), encoding="utf-8")
+    planned = told(capsys, "deploy", "plan", config, "--image", "good")
+    assert (planned["action"], planned["reasons"]) == ("create", ["no container of this site exists"])
+    assert not engine.containers
+    rolled_out = told(capsys, "deploy", "up", config, "--image", "good")
+    assert (rolled_out["name"], rolled_out["ready"]) == (planned["name"], True)
+    looked = told(capsys, "deploy", "status", config)
+    assert (looked["ready"], looked["problems"]) == (True, [])
+    assert [(one["name"], one["state"]) for one in looked["containers"]] == [(planned["name"], "running")]
+    told(capsys, "deploy", "up", config, "--image", "good-2")
+    back = told(capsys, "deploy", "rollback", config)
+    assert [one["image"] for one in back["containers"]] == ["good", "good-2"]

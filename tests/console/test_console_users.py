@@ -78,13 +78,13 @@ def test_the_command_adds_lists_and_removes(
         "[{id: r, polygon: [[0, 0], [1, 0], [1, 1]]}]}\n"
     )
     monkeypatch.setattr("sys.stdin", io.StringIO("correct horse\n"))
-    assert main(["users", str(config), "add", "anna", "--role", "operator"]) == 0
-    assert main(["users", str(config), "list"]) == 0
+    assert main(["users", "add", str(config), "anna", "--role", "operator"]) == 0
+    assert main(["users", "list", str(config)]) == 0
     assert capsys.readouterr().out == "anna  operator\n"
     assert UserFile(tmp_path / "users.json").check("anna", "correct horse") is not None
-    assert main(["users", str(config), "remove", "anna"]) == 0
-    assert main(["users", str(config), "remove", "anna"]) == 1
-    assert main(["users", str(config), "add", "anna"]) == 2
+    assert main(["users", "remove", str(config), "anna"]) == 0
+    assert main(["users", "remove", str(config), "anna"]) == 1
+    assert main(["users", "add", str(config), "anna"]) == 2
 
 
 def test_a_session_ends(tmp_path: Path) -> None:

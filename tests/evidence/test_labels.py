@@ -133,22 +133,22 @@ def test_evidence_is_listed_shown_fetched_and_replayed_from_the_store(
         out, err = capsys.readouterr()
         return out if code == 0 else err
 
-    told = run("evidence", str(judged), "list")
+    told = run("evidence", "list", str(judged))
     assert [line.split()[0] for line in told.splitlines()[1:]] == [
         f"{1_700_000_000_000 + k:015d}-{k:06d}" for k in (1, 2, 3)
     ]
-    listed = [json.loads(line) for line in run("evidence", str(judged), "list", "--json").splitlines()]
+    listed = [json.loads(line) for line in run("evidence", "list", str(judged), "--json").splitlines()]
     assert [one["verdict"] for one in listed] == ["true", "false", "unsure"]
     name = listed[1]["id"]
-    assert json.loads(run("evidence", str(judged), "show", name)) == listed[1]
+    assert json.loads(run("evidence", "show", str(judged), name)) == listed[1]
     copied = run(
-        "evidence", str(judged), "fetch", f"cam/apron/{name}", "--out", str(tmp_path / "got")
+        "evidence", "fetch", str(judged), f"cam/apron/{name}", "--out", str(tmp_path / "got")
     ).strip()
     told = run("replay", "--evidence", copied, "--out", str(tmp_path / "again"), "--plot", "--overlay")
     assert "the same decisions as live on all" in told
     assert (tmp_path / "again" / "existence.png").stat().st_size > 1000
     assert "is there already" in run(
-        "evidence", str(judged), "fetch", name, "--out", str(tmp_path / "got"), code=1
+        "evidence", "fetch", str(judged), name, "--out", str(tmp_path / "got"), code=1
     )
     states = Path(copied) / "states.jsonl"
     states.write_bytes(states.read_bytes()[:-9])
@@ -160,12 +160,12 @@ def test_evidence_is_listed_shown_fetched_and_replayed_from_the_store(
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["evidence", "CONFIG", "show"], "evidence show needs an ID"),
-        (["evidence", "CONFIG", "list", "x"], "evidence list takes no ID"),
-        (["evidence", "CONFIG", "fetch", "x"], "evidence fetch needs --out DIR"),
+        (["evidence", "show", "CONFIG"], "evidence show needs an ID"),
+        (["evidence", "list", "CONFIG", "x"], "evidence list takes no ID"),
+        (["evidence", "fetch", "CONFIG", "x"], "evidence fetch needs --out DIR"),
         (["replay", "--out", "x"], "config is missing"),
         (["replay", "CONFIG", "--evidence", "x", "--out", "x"], "leave them out"),
-        (["verdict", "CONFIG", "maybe", "--camera", "cam", "--roi", "apron", "--by", "A"], "invalid choice"),
+        (["verdict", "maybe", "CONFIG", "--camera", "cam", "--roi", "apron", "--by", "A"], "invalid choice"),
         (["report", "CONFIG", "--shift", "noon"], "is no shift"),
     ],
 )

@@ -81,7 +81,7 @@ class Site:
         wait_for("is watched again", lambda: self.daemon.ready, 20)
 
     def command(self, *arguments: str, code: int = 0) -> str:
-        done = self.daemon.command(arguments[0], str(self.daemon.config), *arguments[1:])
+        done = self.daemon.command(*arguments[0].split(), str(self.daemon.config), *arguments[1:])
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
         return done.stdout if code == 0 else done.stderr
@@ -266,12 +266,12 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         assert "acknowledged, now ACKNOWLEDGED" in site.command("ack", *TARGET)
         assert "nothing to do, now ACKNOWLEDGED" in site.command("ack", *TARGET)
 
-        site.command("service", "out", *TARGET, "--reason", "camera is being moved")
+        site.command("service out", *TARGET, "--reason", "camera is being moved")
         site.kill_monitor()
         assert site.state()["alarm"] == "OUT_OF_SERVICE"
         site.wait_alarm("OUT_OF_SERVICE")
         wait_for("condition judged on", lambda: site.level()["lump"] == 1, 30)
-        assert "in_service, raised, now UNACKNOWLEDGED" in site.command("service", "in", *TARGET)
+        assert "in_service, raised, now UNACKNOWLEDGED" in site.command("service in", *TARGET)
 
         # The plant: by a put that is not repeated, so the suppression ends by itself.
         with open_client(as_client(load_config(site.daemon.config).bus)) as plant:

@@ -73,7 +73,7 @@ def test_from_the_alarm_to_the_report(tmp_path: Path) -> None:
         # Verdicts, changed once, one by evidence and one by the sequence of a later record of the alarm.
         said = {"actor": "Ada", "verdict": "false"}
         ask(site, KEYS.command("cam", "apron", "verdict"), said | {"evidence": name})
-        told = site.command("verdict", *WHERE, "true", "--by", "Ada", "--evidence", name, "--note", "it was")
+        told = site.command("verdict true", *WHERE, "--by", "Ada", "--evidence", name, "--note", "it was")
         assert told == f"cam/apron alarm {first['data']['sequence']}: true\n"
         later = str(second["data"]["sequence"] + 1)
         judged = ask(site, KEYS.command("cam", "apron", "verdict"), said | {"alarm": later})

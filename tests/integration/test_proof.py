@@ -58,6 +58,7 @@ def test_by_command_and_on_a_schedule(tmp_path: Path, polygon: str) -> None:
             done = daemon.command("proof", str(daemon.config), "--camera", "cam", "--roi", "strict")
             assert (done.returncode, done.stderr) == (1, "")
             assert done.stdout.startswith("cam/strict: failed (too_late), ")
+            assert "does not show that lumps like those of this site are found" in done.stdout
             raised = wait_for("system alarm", lambda: follower.records("system"), 20)
             assert [(one["data"]["roi"], one["data"]["reason"]) for one in raised] == [
                 ("strict", "proof_test")

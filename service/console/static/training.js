@@ -114,7 +114,7 @@ byId("proof").addEventListener("click", async () => {
   try {
     const told = await call(`${region(where)}/commands/proof`, "POST", {});
     const warned = told.warning_s === null ? "no alarm" : `${told.warning_s.toFixed(1)} s of warning`;
-    say(byId("proved"), `Proof test: ${told.outcome}${told.reason ? ` (${told.reason})` : ""}, ${warned}, existence up to ${told.existence.toFixed(2)}`);
+    say(byId("proved"), `Proof test: ${told.outcome}${told.reason ? ` (${told.reason})` : ""}, ${warned}, existence up to ${told.existence.toFixed(2)}. ${told.shows}`);
   } catch (error) {
     say(byId("proved"), error.message);
   }
