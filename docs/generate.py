@@ -15,7 +15,7 @@ from lumpwatch.service.config import SiteConfig
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
 from lumpwatch.service.protocol.messages import StateLine
 from lumpwatch.service.protocol.schemas import MESSAGES
-from lumpwatch.service.telemetry import CameraMetrics, DaemonMetrics, HubMetrics, MonitorMetrics
+from lumpwatch.service.telemetry import OLDER, CameraMetrics, DaemonMetrics, HubMetrics, MonitorMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
 
 HERE = Path(__file__).parent / "reference"
@@ -64,10 +64,18 @@ def metrics_page() -> str:
     for _, family in sorted(families.items()):
         name = family.name + ("_total" if family.type == "counter" else "")
         rows.append(f"| `{name}` | {family.type} | {family.documentation} |")
+    older = ["| before | now |", "|---|---|"]
+    for name, before in sorted(OLDER.items()):
+        end = "_total" if families[name].type == "counter" else ""
+        label = f"; label `{before.was}` is `{before.label}`" if before.label else ""
+        note = "; now a time, before an age" if before.age else label
+        older.append(f"| `{before.name}{end}` | `{name}{end}`{note} |")
     return (
-        f"{NOTE}\n# Metrics\n\nAll carry the label `camera`; those of a ROI also `roi`.\n\n"
+        f"{NOTE}\n# Metrics\n\nAll carry the label `camera` but those of the daemon itself; those of a ROI also `roi`. "
+        "Base units: metres, seconds, bytes, ratios; pixels where nothing says how large one is.\n\n"
         + "\n".join(rows)
-        + "\n"
+        + "\n\n## Names of 0.1\n\nExported beside the new ones for one more release; rewrite rules and panels that use "
+        "them.\n\n" + "\n".join(older) + "\n"
     )
 
 

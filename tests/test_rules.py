@@ -77,8 +77,8 @@ CASES = {
         at_s=4500,
     ),
     "LumpwatchPriorOld": Case(
-        {f"lumpwatch_prior_age_seconds{{{R}}}": "15600000x400"},
-        {f"lumpwatch_prior_age_seconds{{{R}}}": "15000000x400"},
+        {f"lumpwatch_prior_created_timestamp_seconds{{{R}}}": "-15600000x400"},
+        {f"lumpwatch_prior_created_timestamp_seconds{{{R}}}": "-15000000x400"},
         at_s=4500,
     ),
     "LumpwatchPriorRefused": Case(
@@ -98,8 +98,8 @@ CASES = {
         {f'lumpwatch_event_log_problems_total{{{L},reason="late"}}': "0 0 2x20"},
     ),
     "LumpwatchRestarts": Case(
-        {f'lumpwatch_process_restarts_total{{{L},stage="monitor",reason="exited"}}': "0 0+2x20"},
-        {f'lumpwatch_process_restarts_total{{{L},stage="monitor",reason="exited"}}': "0 1x20"},
+        {f'lumpwatch_worker_restarts_total{{{L},process="monitor",reason="exited"}}': "0 0+2x20"},
+        {f'lumpwatch_worker_restarts_total{{{L},process="monitor",reason="exited"}}': "0 1x20"},
     ),
     "LumpwatchOutOfService": Case(
         {f"lumpwatch_alarm_out_of_service{{{LUMP}}}": "1x3000"},
@@ -127,7 +127,7 @@ CASES = {
     ),
     "LumpwatchNeverProven": Case(
         {SEES: "0x400"},
-        {SEES: "0x400", f"lumpwatch_proof_test_age_seconds{{{R}}}": "0+15x400"},
+        {SEES: "0x400", f"lumpwatch_proof_test_timestamp_seconds{{{R}}}": "0x400"},
         at_s=4500,
     ),
     "LumpwatchVersionSkew": Case(
@@ -136,6 +136,10 @@ CASES = {
         at_s=7500,
     ),
 }
+
+
+ALWAYS = "LumpwatchWatchdog"
+"""Fires without a case: it is the proof that alerts arrive."""
 
 
 def promtool(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -182,15 +186,16 @@ def test_the_alerts_reach_somebody() -> None:
 
     assert receiver("severity=page", "alertname=LumpwatchBlind") == "pages"
     assert receiver("severity=ticket", "alertname=LumpwatchPriorOld") == "tickets"
-    assert {rule["labels"]["severity"] for rule in alerts().values()} == {"page", "ticket"}
+    assert receiver("severity=none", "alertname=LumpwatchWatchdog") == "watchdog"
+    assert {rule["labels"]["severity"] for rule in alerts().values()} == {"page", "ticket", "none"}
 
 
 def test_every_alert_has_both_cases_and_a_runbook() -> None:
-    assert set(CASES) == set(alerts())
+    assert {*CASES, ALWAYS} == set(alerts())
     headings = set(re.findall(r"^## (\w+)$", RUNBOOKS.read_text(), re.MULTILINE))
     assert headings == set(alerts())
     for name, rule in alerts().items():
-        assert rule["annotations"]["runbook_url"] == f"docs/runbooks.md#{name.lower()}"
+        assert rule["annotations"]["runbook_url"] == f"{{{{ $externalLabels.runbooks }}}}#{name.lower()}"
         assert rule["annotations"]["summary"]
         assert rule["annotations"]["description"]
 
@@ -239,3 +244,40 @@ def test_every_metric_that_is_asked_for_exists() -> None:
         bare = re.sub(r'"[^"]*"', '""', expression)
         for name in re.findall(r"lumpwatch[_:][\w:]+", bare):
             assert name in names | recorded, f"{name} in {expression}"
+
+
+def test_a_page_says_where_and_why_and_its_runbook_is_an_address(tmp_path: Path) -> None:
+    file = tmp_path / "test.yml"
+    where = {"instance": "a:1", "site": "pit", "camera": "cam", "roi": "apron"}
+    test = {
+        "interval": "15s",
+        "external_labels": {"runbooks": "https://docs.test/runbooks.md"},
+        "input_series": [
+            {"series": f"{SEES}", "values": "1x20"},
+            {"series": f'lumpwatch_roi_blind_reason{{{R},reason="no_stream"}}', "values": "1x20"},
+            {"series": f'lumpwatch_roi_blind_reason{{{R},reason="hidden"}}', "values": "0x20"},
+        ],
+        "alert_rule_test": [
+            {
+                "alertname": "LumpwatchBlind",
+                "eval_time": "2m",
+                "exp_alerts": [
+                    {
+                        "exp_labels": {**where, "job": "lumpwatch", "severity": "page"},
+                        "exp_annotations": {
+                            "summary": "pit: cam/apron cannot see (no_stream)",
+                            "description": alerts()["LumpwatchBlind"]["annotations"]["description"],
+                            "runbook_url": "https://docs.test/runbooks.md#lumpwatchblind",
+                        },
+                    }
+                ],
+            }
+        ],
+    }
+    file.write_text(
+        json.dumps(
+            {"rule_files": [str(rule) for rule in RULES], "evaluation_interval": "15s", "tests": [test]}
+        )
+    )
+    done = promtool("test", "rules", file)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -12,8 +12,9 @@ from typing import Any
 
 HERE = Path(__file__).parent / "dashboards"
 SOURCE = {"type": "prometheus", "uid": "prometheus"}
+SITE = 'site=~"$site"'
 ROI = 'site=~"$site", camera=~"$camera"'
-RAISED = 'lumpwatch_alarm_transitions_total{class="lump", reason="raised"'
+RAISED = 'lumpwatch_alarm_changes_total{class="lump", change="raised"'
 LATENCY = "sum by (le, site, camera) (rate(lumpwatch_frame_to_decision_seconds_bucket{" + ROI + "}[5m]))"
 STAGE = "lumpwatch_stage_duration_seconds"
 
@@ -71,7 +72,7 @@ OPERATIONS = (
     ),
     Panel(
         "Largest lump", "Longest diameter of the largest lump in view, on calibrated belts.",
-        ((f"lumpwatch_largest_mm{{{ROI}}}", "{{camera}}/{{roi}}"),), unit="lengthmm",
+        ((f"lumpwatch_largest_meters{{{ROI}}}", "{{camera}}/{{roi}}"),), unit="lengthm",
     ),
     Panel(
         "Blind share of the last hour", "Share of time in which the region could not judge.",
@@ -144,7 +145,7 @@ ENGINEERING = (
     ),
     Panel(
         "Restarts of processes", "Worker processes that were started again in five minutes.",
-        ((f"increase(lumpwatch_process_restarts_total{{{ROI}}}[5m])", "{{camera}} {{stage}} {{reason}}"),),
+        ((f"increase(lumpwatch_worker_restarts_total{{{ROI}}}[5m])", "{{camera}} {{process}} {{reason}}"),),
     ),
     Panel(
         "Event log", "Events that wait for the disk, and trouble by reason.",
@@ -158,31 +159,95 @@ ENGINEERING = (
         (('lumpwatch_store_free_ratio{site=~"$site"}', "{{site}}"),), unit="percentunit", most=1.0,
         steps=((None, "red"), (0.1, "green")),
     ),
+    Panel(
+        "Latency budget", "Share of the budget that the last decision took; above 1 the system alarm follows.",
+        ((f"lumpwatch_latency_budget_ratio{{{ROI}}}", "{{camera}}/{{roi}}"),), unit="percentunit",
+    ),
+    Panel(
+        "Picture quality", "Each measure over its threshold; at 1 the picture begins to be unfit.",
+        (
+            (
+                f"lumpwatch_quality_value{{{ROI}}} / lumpwatch_quality_threshold{{{ROI}}} < +Inf",
+                "{{camera}}/{{roi}} {{measure}}",
+            ),
+        ),
+    ),
+    Panel(
+        "Why it cannot see", "The reason of each BLIND region; nothing while all see.",
+        ((f"lumpwatch_roi_blind_reason{{{ROI}}} == 1", "{{camera}}/{{roi}} {{reason}}"),), kind="state-timeline",
+        steps=((None, "purple"),), names=((1.0, "BLIND", "purple"),),
+    ),
+    Panel(
+        "Proof tests", "Seconds of warning that the last one left, and how many failed in a day.",
+        (
+            (f"lumpwatch_proof_test_warning_seconds{{{ROI}}}", "{{camera}}/{{roi}} warning"),
+            (
+                f'increase(lumpwatch_proof_test_outcomes_total{{{ROI}, outcome="failed"}}[1d])',
+                "{{camera}}/{{roi}} failed",
+            ),
+        ),
+    ),
+    Panel(
+        "Evidence", "What it takes of the disk.",
+        ((f"lumpwatch_evidence_stored_bytes{{{ROI}}}", "{{camera}}"),), unit="bytes",
+    ),
+    Panel(
+        "Evidence that was not kept, or had to go", "In an hour, by reason.",
+        (
+            (f"increase(lumpwatch_evidence_problems_total{{{ROI}}}[1h])", "{{camera}} not kept: {{reason}}"),
+            (f"increase(lumpwatch_evidence_removed_total{{{ROI}}}[1h])", "{{camera}} removed: {{reason}}"),
+        ),
+    ),
+    Panel(
+        "Prior in shadow", "Alarms in a day by who raised them; version 0 means that none runs.",
+        (
+            (f"increase(lumpwatch_shadow_raised_alarms_total{{{ROI}}}[1d])", "{{camera}}/{{roi}} {{side}}"),
+            (f"lumpwatch_shadow_prior_version{{{ROI}}}", "{{camera}}/{{roi}} version"),
+        ),
+    ),
+    Panel(
+        "Processor time", "Cores that each process takes.",
+        (
+            (f"rate(lumpwatch_process_cpu_seconds_total{{{ROI}}}[1m])", "{{camera}} {{process}}"),
+            (f'rate(process_cpu_seconds_total{{job="lumpwatch", {SITE}}}[1m])', "{{site}} daemon"),
+        ),
+    ),
+    Panel(
+        "Memory", "In RAM; what processes share counts in each.",
+        (
+            (f"lumpwatch_process_resident_memory_bytes{{{ROI}}}", "{{camera}} {{process}}"),
+            (f'process_resident_memory_bytes{{job="lumpwatch", {SITE}}}', "{{site}} daemon"),
+        ),
+        unit="bytes",
+    ),
 )  # fmt: skip
 
 FLEET = (
     Panel(
         "Daemons that answer", "Of all that are scraped.",
-        (('sum(up{job="lumpwatch"})', "up"), ('count(up{job="lumpwatch"})', "all")), kind="stat", width=6, height=5,
+        ((f'sum(up{{job="lumpwatch", {SITE}}})', "up"), (f'count(up{{job="lumpwatch", {SITE}}})', "all")),
+        kind="stat", width=6, height=5,
     ),
     Panel(
         "Blind regions", "Regions that cannot judge now.",
-        (("sum(lumpwatch_roi_blind)", "blind"),), kind="stat", width=6, height=5, steps=BLIND_STEPS,
+        ((f"sum(lumpwatch_roi_blind{{{SITE}}})", "blind"),), kind="stat", width=6, height=5, steps=BLIND_STEPS,
     ),
     Panel(
         "Lumps now", "Regions whose lump alarm is active.",
-        (('sum(lumpwatch_alarm_active{class="lump"})', "lumps"),), kind="stat", width=6, height=5, steps=ALARM_STEPS,
+        ((f'sum(lumpwatch_alarm_active{{class="lump", {SITE}}})', "lumps"),),
+        kind="stat", width=6, height=5, steps=ALARM_STEPS,
     ),
     Panel(
         "Lumps in the last day", "Lump alarms raised, over the fleet.",
-        ((f"round(sum(increase({RAISED}}}[1d])))", "lumps"),),
+        ((f"round(sum(increase({RAISED}, {SITE}}}[1d])))", "lumps"),),
         kind="stat", width=6, height=5,
     ),
     Panel(
         "Every crusher", "One row a region: purple cannot see, red has a lump, nothing means that nobody decides.",
         (
             (
-                'lumpwatch_roi_blind * 2 > 0 or max without (class) (lumpwatch_alarm_active{class="lump"})',
+                f'lumpwatch_roi_blind{{{SITE}}} * 2 > 0 or max without (class) '
+                f'(lumpwatch_alarm_active{{class="lump", {SITE}}})',
                 "{{site}} {{camera}}/{{roi}}",
             ),
         ),
@@ -191,21 +256,21 @@ FLEET = (
     ),
     Panel(
         "Most lumps, last day", "The ten crushers with the most lump alarms.",
-        ((f"sort_desc(topk(10, sum by (site, camera) (increase({RAISED}}}[1d]))))", "{{site}} {{camera}}"),),
+        ((f"sort_desc(topk(10, sum by (site, camera) (increase({RAISED}, {SITE}}}[1d]))))", "{{site}} {{camera}}"),),
         kind="bargauge",
     ),
     Panel(
         "Blind the longest, last day", "The ten regions that could not judge for the largest share of the day.",
-        (("sort_desc(topk(10, avg_over_time(lumpwatch_roi_blind[1d])))", "{{site}} {{camera}}/{{roi}}"),),
+        ((f"sort_desc(topk(10, avg_over_time(lumpwatch_roi_blind{{{SITE}}}[1d])))", "{{site}} {{camera}}/{{roi}}"),),
         unit="percentunit", kind="bargauge", most=1.0, steps=((None, "green"), (0.05, "purple")),
     ),
     Panel(
         "Slowest decisions", "99th percentile from frame to decision, the ten slowest.",
-        (("topk(10, lumpwatch:frame_to_decision_seconds:p99_5m)", "{{site}} {{camera}}"),), unit="s",
+        ((f"topk(10, lumpwatch:frame_to_decision_seconds:p99_5m{{{SITE}}})", "{{site}} {{camera}}"),), unit="s",
     ),
     Panel(
         "Versions", "Daemons by version of lumpwatch.",
-        (("count by (version) (lumpwatch_build_info)", "{{version}}"),), kind="bargauge",
+        ((f"count by (version) (lumpwatch_build_info{{{SITE}}})", "{{version}}"),), kind="bargauge",
     ),
 )  # fmt: skip
 
@@ -233,8 +298,36 @@ def dashboard(name: str) -> dict[str, Any]:
         "schemaVersion": 39,
         "refresh": "5s",
         "time": {"from": "now-1h", "to": "now"},
-        "templating": {"list": [] if name == "fleet" else [_variable("site"), _variable("camera", "site")]},
+        "templating": {
+            "list": [_variable("site"), *([] if name == "fleet" else [_variable("camera", "site")])]
+        },
+        "links": [
+            {
+                "title": "lumpwatch",
+                "type": "dashboards",
+                "tags": ["lumpwatch"],
+                "asDropdown": False,
+                "includeVars": True,
+                "keepTime": True,
+            }
+        ],
+        "annotations": {"list": [_alerts()]},
         "panels": placed,
+    }
+
+
+def _alerts() -> dict[str, Any]:
+    """Marks in all panels where an alert fired."""
+    return {
+        "name": "Alerts",
+        "datasource": SOURCE,
+        "enable": True,
+        "iconColor": "red",
+        # The watchdog always fires.
+        "expr": f'ALERTS{{alertname=~"Lumpwatch.+", alertname!="LumpwatchWatchdog", alertstate="firing", {SITE}}}',
+        "titleFormat": "{{alertname}}",
+        "textFormat": "{{site}} {{camera}} {{roi}}",
+        "step": "15s",
     }
 
 

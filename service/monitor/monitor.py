@@ -7,6 +7,7 @@ it, so that tests drive it without a process.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 
@@ -338,12 +339,11 @@ class Monitor:
         self._heartbeat.put(beat.line())
 
     def _measure(self) -> None:
-        """Put versions and age of what is in use into the metrics."""
-        wall_s = self._clocks().wall_s
+        """Put versions and times of what is in use into the metrics."""
         for roi in self._rois:
             prior = self._pipeline.prior(roi)
-            age_s = 0.0 if prior is None else max(0.0, wall_s - prior.meta.created.timestamp())
-            self._metrics.prior(roi, prior.version if prior else 0, age_s)
+            created_s = math.nan if prior is None else prior.meta.created.timestamp()
+            self._metrics.prior(roi, prior.version if prior else 0, created_s)
         used, shift = self._pipeline.reference, self._pipeline.quality.shift
         self._metrics.picture.shifted(used.version if used else 0, shift.shift_px, shift.follows)
 

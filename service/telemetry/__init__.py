@@ -6,6 +6,7 @@ from lumpwatch.service.telemetry.daemon_connection import GRACE_S, STARTING, Dae
 from lumpwatch.service.telemetry.http import TelemetryServer
 from lumpwatch.service.telemetry.hub import HubMetrics
 from lumpwatch.service.telemetry.monitor import MonitorMetrics
+from lumpwatch.service.telemetry.older_names import OLDER
 from lumpwatch.service.telemetry.picture import PictureMetrics
 from lumpwatch.service.telemetry.proof import ProofMetrics
 from lumpwatch.service.telemetry.relay import Relay
@@ -13,6 +14,7 @@ from lumpwatch.service.telemetry.shadow import ShadowMetrics
 
 __all__ = [
     "GRACE_S",
+    "OLDER",
     "STARTING",
     "CameraMetrics",
     "DaemonConnection",

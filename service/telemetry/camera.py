@@ -5,6 +5,7 @@ from __future__ import annotations
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from lumpwatch.service.telemetry.frames import FrameMetrics
+from lumpwatch.service.telemetry.process import ProcessMetrics
 
 
 class CameraMetrics(FrameMetrics):
@@ -12,6 +13,7 @@ class CameraMetrics(FrameMetrics):
 
     def __init__(self, registry: CollectorRegistry, camera: str) -> None:
         super().__init__(registry, camera)
+        ProcessMetrics(registry, camera, "camera")
         self._received = Counter(
             "lumpwatch_frames_received",
             "Frames that the source delivered.",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from prometheus_client import CollectorRegistry, Counter, Gauge
+from prometheus_client import CollectorRegistry, Counter, Gauge, ProcessCollector
 
 from lumpwatch.service.telemetry.certificates import CertificateMetrics
 
@@ -24,6 +24,7 @@ class DaemonMetrics:
     ) -> None:
         """`store` is the folder whose disk is watched, `certificates` are the files whose end is told."""
         CertificateMetrics(registry, certificates)
+        ProcessCollector(registry=registry)  # process_*: the daemon's own
         Gauge(
             "lumpwatch_store_free_ratio", "Share of the store's disk that is free.", registry=registry
         ).set_function(lambda: _free(store))
@@ -31,20 +32,20 @@ class DaemonMetrics:
             version
         ).set(1)
         self._restarts = Counter(
-            "lumpwatch_process_restarts",
-            "Worker processes that were started again; stage is hub, camera or monitor, reason exited or stuck.",
-            ("camera", "stage", "reason"),
+            "lumpwatch_worker_restarts",
+            "Worker processes that were started again; process is hub, camera or monitor, reason exited or stuck.",
+            ("camera", "process", "reason"),
             registry=registry,
         )
 
-    def watched(self, camera: str, stage: str) -> None:
+    def watched(self, camera: str, process: str) -> None:
         """A worker process is watched: its first restart is to be seen as a rise from 0."""
         for reason in ("exited", "stuck"):
-            self._restarts.labels(camera, stage, reason)
+            self._restarts.labels(camera, process, reason)
 
-    def restarted(self, camera: str, stage: str, reason: str) -> None:
+    def restarted(self, camera: str, process: str, reason: str) -> None:
         """A worker process is started again."""
-        self._restarts.labels(camera, stage, reason).inc()
+        self._restarts.labels(camera, process, reason).inc()
 
 
 def _free(folder: Path) -> float:

@@ -1,6 +1,6 @@
 """What every process that works on frames counts and times.
 
-Base units; labels of all metrics are camera, roi, class, stage, reason, measure and model only. A worker process
+Base units; each label means one thing in all metrics. A worker process
 fills a registry of its own, whose text travels to the daemon (see `relay`).
 """
 

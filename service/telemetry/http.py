@@ -16,6 +16,7 @@ from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import choose_encoder
 
 from lumpwatch.service.errors import LumpwatchError
+from lumpwatch.service.telemetry.older_names import WithOlderNames
 
 log = logging.getLogger(__name__)
 
@@ -133,7 +134,7 @@ class _Handler(BaseHTTPRequestHandler):
         path = self.path.partition("?")[0]
         if path == "/metrics":
             encode, content_type = choose_encoder(self.headers.get("Accept", ""))
-            self._answer(HTTPStatus.OK, encode(self.registry), content_type)
+            self._answer(HTTPStatus.OK, encode(WithOlderNames(self.registry)), content_type)
             return
         checks = {"/livez": self.health.live, "/readyz": self.health.ready, "/startupz": self.health.started}
         if (check := checks.get(path)) is None:

@@ -16,6 +16,7 @@ from lumpwatch.service.telemetry.feed import FeedMetrics
 from lumpwatch.service.telemetry.frames import BUCKETS, FrameMetrics
 from lumpwatch.service.telemetry.mouth import MouthMetrics
 from lumpwatch.service.telemetry.picture import PictureMetrics
+from lumpwatch.service.telemetry.process import ProcessMetrics
 from lumpwatch.service.telemetry.records import RecordMetrics
 from lumpwatch.service.telemetry.shadow import ShadowMetrics
 
@@ -61,15 +62,21 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
         self._out = alarm_gauge("lumpwatch_alarm_out_of_service", "1 while the alarm is out of service.")
         self._blind = gauge("lumpwatch_roi_blind", "1 while the ROI cannot judge.")
         self._transitions = Counter(
-            "lumpwatch_alarm_transitions",
-            "Changes of the alarm; reason is the change, such as raised, cleared or acknowledged.",
+            "lumpwatch_alarm_changes",
+            "Changes of the alarm, such as raised, cleared or acknowledged.",
+            (*of_alarm, "change"),
+            registry=registry,
+        )
+        self._why = Gauge(
+            "lumpwatch_alarm_reason",
+            "1 for the reason that the alarm was last raised for, while its condition holds.",
             (*of_alarm, "reason"),
             registry=registry,
         )
         self._refused = Counter(
-            "lumpwatch_requests_refused",
-            "Queries and puts that asked for what is not allowed; reason is the key's last part.",
-            (*labels, "reason"),
+            "lumpwatch_commands_refused",
+            "Queries and puts that asked for what is not allowed; command is the key's last part.",
+            (*labels, "command"),
             registry=registry,
         )
         self._effective = gauge("lumpwatch_effective_particles", "Effective number of particles.")
@@ -78,7 +85,9 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
             "Share of particles far from all training data, for which switching fell back on the matrix.",
         )
         self._prior = gauge("lumpwatch_prior_version", "Version of the prior in use; 0: stated defaults.")
-        self._age = gauge("lumpwatch_prior_age_seconds", "Age of the prior in use.")
+        self._created = gauge(
+            "lumpwatch_prior_created_timestamp_seconds", "When the prior in use was learned; NaN: none is."
+        )
         self._problems = Counter(
             "lumpwatch_prior_problems",
             "Priors that were refused; reason is unreadable or unfit.",
@@ -103,7 +112,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
             "Probability that a lump above the limit is there; on calibrated belts, and what the alarm judges.",
         )
         self._largest = gauge(
-            "lumpwatch_largest_mm", "Longest diameter of the largest lump; 0: none is known."
+            "lumpwatch_largest_meters", "Longest diameter of the largest lump; 0: none is known."
         )
         self._lip = gauge(
             "lumpwatch_lip_seconds", "Seconds until the first lump reaches the lip; +Inf: none is on its way."
@@ -116,6 +125,8 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
         self.feed = FeedMetrics(registry, camera)
         self.mouth = MouthMetrics(registry, camera)
         self._flagged: dict[str, frozenset[int]] = {}
+        self._reasons: dict[tuple[str, str, str], str] = {}
+        ProcessMetrics(registry, camera, "monitor")
         for roi in rois:
             self._wrong_way.labels(camera, roi)
             self._processed.labels(camera, roi)
@@ -148,7 +159,7 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
             sizes = [item.size for item in objects if item.size is not None]
             self._oversize.labels(self._camera, roi).set(detection.oversize)
             self._largest.labels(self._camera, roi).set(
-                max((s.longest_mm or 0.0 for s in sizes), default=0.0)
+                max((s.longest_mm or 0.0 for s in sizes), default=0.0) / 1000.0
             )
             times = [s.lip_s for s in sizes if s.lip_s is not None]
             self._lip.labels(self._camera, roi).set(min(times, default=float("inf")))
@@ -179,15 +190,23 @@ class MonitorMetrics(FrameMetrics, RecordMetrics):
     def transition(self, roi: str, alarm_class: AlarmClass, transition: Transition) -> None:
         """An alarm changed."""
         self._transitions.labels(self._camera, roi, alarm_class.value, transition.change.value).inc()
+        of_alarm = (self._camera, roi, alarm_class.value)
+        if transition.change in (Change.RAISED, Change.RE_ALARMED, Change.CLEARED) and (
+            before := self._reasons.pop(of_alarm, None)
+        ):
+            self._why.labels(*of_alarm, before).set(0)
+        if transition.change in (Change.RAISED, Change.RE_ALARMED) and transition.reason:
+            self._reasons[of_alarm] = transition.reason
+            self._why.labels(*of_alarm, transition.reason).set(1)
 
     def refused(self, roi: str, request: str) -> None:
         """An operator or the plant asked for what is not allowed."""
         self._refused.labels(self._camera, roi, request).inc()
 
-    def prior(self, roi: str, version: int, age_s: float) -> None:
-        """The prior in use."""
+    def prior(self, roi: str, version: int, created_s: float) -> None:
+        """The prior in use, and when it was learned, seconds since the epoch; NaN where none is."""
         self._prior.labels(self._camera, roi).set(version)
-        self._age.labels(self._camera, roi).set(age_s)
+        self._created.labels(self._camera, roi).set(created_s)
 
     def prior_refused(self, roi: str, reason: str) -> None:
         """A prior was refused."""

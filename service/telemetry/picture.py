@@ -44,7 +44,7 @@ class PictureMetrics:
             "lumpwatch_exposure_holdoffs", "Hold-offs after the exposure had jumped.", "roi"
         )
         self._shift = gauge(
-            "lumpwatch_camera_shift_px",
+            "lumpwatch_camera_shift_pixels",
             "How far the camera has moved against its reference, full-frame pixels; 0 without one.",
         )
         self._follows = counter(

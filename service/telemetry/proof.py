@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
-from lumpwatch.service.protocol import Outcome, ProofResult
+from lumpwatch.service.protocol import Outcome, ProofReason, ProofResult
+
+_WHY_FAILED = (
+    ProofReason.NOT_DETECTED,
+    ProofReason.TOO_LATE,
+    ProofReason.NO_CAMERA,
+    ProofReason.NO_FRAMES,
+    ProofReason.ERROR,
+)
 
 
 class ProofMetrics:
@@ -14,9 +22,9 @@ class ProofMetrics:
         labels = ("camera", "roi")
         self._camera = camera
         self._ended = Counter(
-            "lumpwatch_proof_tests",
-            "Proof tests that ended; reason is passed, failed or inconclusive.",
-            (*labels, "reason"),
+            "lumpwatch_proof_test_outcomes",
+            "Proof tests that ended; outcome is passed, failed or inconclusive.",
+            (*labels, "outcome"),
             registry=registry,
         )
         self._passed = Gauge(
@@ -31,10 +39,16 @@ class ProofMetrics:
             labels,
             registry=registry,
         )
-        self._age = Gauge(
-            "lumpwatch_proof_test_age_seconds",
-            "Time since the last proof test that could be judged; absent before the first.",
+        self._time = Gauge(
+            "lumpwatch_proof_test_timestamp_seconds",
+            "When the last proof test that could be judged ended; absent before the first.",
             labels,
+            registry=registry,
+        )
+        self._reason = Gauge(
+            "lumpwatch_proof_test_reason",
+            "1 for the reason why the last proof test that could be judged failed, 0 for all others.",
+            (*labels, "reason"),
             registry=registry,
         )
         for roi in rois:
@@ -46,13 +60,11 @@ class ProofMetrics:
         self._ended.labels(self._camera, roi, result.outcome.value).inc()
         if result.outcome is not Outcome.INCONCLUSIVE:
             self.judged(roi, result)
-            self.age(roi, 0.0)
 
     def judged(self, roi: str, result: ProofResult) -> None:
         """What the last test that could be judged showed."""
         self._passed.labels(self._camera, roi).set(result.outcome is Outcome.PASSED)
         self._warning.labels(self._camera, roi).set(result.warning_s or 0.0)
-
-    def age(self, roi: str, age_s: float) -> None:
-        """How long ago it was."""
-        self._age.labels(self._camera, roi).set(age_s)
+        self._time.labels(self._camera, roi).set(result.time.timestamp())
+        for reason in _WHY_FAILED:
+            self._reason.labels(self._camera, roi, reason.value).set(reason is result.reason)

@@ -26,21 +26,21 @@ class ShadowMetrics:
             registry=registry,
         )
         self._seconds = Counter(
-            "lumpwatch_shadow_compared_seconds",
-            "Time in which both decided; reason is agree, or only_current or only_shadow: who alone had an alarm.",
-            (*labels, "reason"),
+            "lumpwatch_shadow_agreement_seconds",
+            "Time in which both decided; side is agree, or only_current or only_shadow: who alone had an alarm.",
+            (*labels, "side"),
             registry=registry,
         )
         self._alarms = Counter(
-            "lumpwatch_shadow_alarms",
-            "Alarms of the prior in use and of that in shadow; reason is both, only_current or only_shadow.",
-            (*labels, "reason"),
+            "lumpwatch_shadow_raised_alarms",
+            "Alarms of the prior in use and of that in shadow; side is both, only_current or only_shadow.",
+            (*labels, "side"),
             registry=registry,
         )
         self._frames = Counter(
-            "lumpwatch_shadow_frames",
-            "Frames while a prior ran in shadow; reason is looked (filtered), or skipped for want of time.",
-            (*labels, "reason"),
+            "lumpwatch_shadow_judged_frames",
+            "Frames while a prior ran in shadow; outcome is looked (filtered), or skipped for want of time.",
+            (*labels, "outcome"),
             registry=registry,
         )
         self._failures = Counter(

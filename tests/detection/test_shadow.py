@@ -353,11 +353,12 @@ def test_a_shadow_for_another_polygon_ends(caplog: pytest.LogCaptureFixture) -> 
 
 
 def samples(registry: CollectorRegistry) -> Counter[tuple[str, str]]:
-    """Values by name and reason."""
+    """Values by name and what they are of."""
     found: Counter[tuple[str, str]] = Counter()
     for family in registry.collect():
         for one in family.samples:
-            found[one.name, one.labels.get("reason", "")] += one.value  # type: ignore[assignment]
+            of = next((one.labels[name] for name in ("reason", "side", "outcome") if name in one.labels), "")
+            found[one.name, of] += one.value  # type: ignore[assignment]
     return found
 
 
@@ -366,13 +367,13 @@ def test_metrics_are_the_counts() -> None:
     target = shadows_of(used=blinded(), observer=MonitorMetrics(registry, "cam", ("apron",)).shadows)
     run(scene(10, 20, 80), target)
     found, told = state(target), samples(registry)
-    assert told["lumpwatch_shadow_alarms_total", "only_current"] == 1
-    assert told["lumpwatch_shadow_alarms_total", "both"] == 0
-    assert told["lumpwatch_shadow_compared_seconds_total", "agree"] == pytest.approx(found.agree_s)
-    assert told["lumpwatch_shadow_compared_seconds_total", "only_current"] == pytest.approx(
+    assert told["lumpwatch_shadow_raised_alarms_total", "only_current"] == 1
+    assert told["lumpwatch_shadow_raised_alarms_total", "both"] == 0
+    assert told["lumpwatch_shadow_agreement_seconds_total", "agree"] == pytest.approx(found.agree_s)
+    assert told["lumpwatch_shadow_agreement_seconds_total", "only_current"] == pytest.approx(
         found.only_current_s
     )
-    assert told["lumpwatch_shadow_frames_total", "looked"] == 110
+    assert told["lumpwatch_shadow_judged_frames_total", "looked"] == 110
     assert told["lumpwatch_shadow_prior_version", ""] == 2
     assert told["lumpwatch_shadow_existence_ratio", ""] == found.existence
 

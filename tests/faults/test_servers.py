@@ -163,7 +163,7 @@ def test_the_camera_process_is_killed(site: Site, record: Record) -> None:
     pid = site.daemon.worker("camera", "rtsp")
 
     def restarts() -> float:
-        return site.metric("lumpwatch_process_restarts_total", "rtsp", stage="camera", reason="exited")
+        return site.metric("lumpwatch_worker_restarts_total", "rtsp", process="camera", reason="exited")
 
     before = restarts()
     course = run_fault(
@@ -176,7 +176,7 @@ def test_the_camera_process_is_killed(site: Site, record: Record) -> None:
         row(
             "camera process killed",
             "SIGKILL",
-            "`lumpwatch_process_restarts_total`",
+            "`lumpwatch_worker_restarts_total`",
             "the daemon starts it again after 0.5 s",
             course,
         )

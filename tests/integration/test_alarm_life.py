@@ -72,11 +72,9 @@ class Site:
 
     def kill_monitor(self) -> None:
         (pid,) = self.daemon.children()["monitor"]
-        restarts = self.daemon.metric("lumpwatch_process_restarts_total")
+        restarts = self.daemon.metric("lumpwatch_worker_restarts_total")
         os.kill(pid, signal.SIGKILL)
-        wait_for(
-            "restart", lambda: self.daemon.metric("lumpwatch_process_restarts_total") == restarts + 1, 20
-        )
+        wait_for("restart", lambda: self.daemon.metric("lumpwatch_worker_restarts_total") == restarts + 1, 20)
         wait_for("decides again", lambda: self.state().get("state") in ("CLEAR", "LUMP"), 60)
         wait_for("is watched again", lambda: self.daemon.ready, 20)
 
@@ -283,7 +281,7 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
             plant.publisher(KEYS.command("cam", "apron", "suppress")).put(b"nonsense")
             wait_for(
                 "counted",
-                lambda: site.daemon.metric("lumpwatch_requests_refused_total", reason="suppress") == 1,
+                lambda: site.daemon.metric("lumpwatch_commands_refused_total", command="suppress") == 1,
                 10,
             )
         (reply,) = site.bus.ask(

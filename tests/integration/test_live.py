@@ -80,7 +80,7 @@ def test_a_dead_camera_and_killed_workers_do_not_touch_the_other_camera(
                 os.kill(pid, signal.SIGKILL)
 
             def again(role: str = role) -> bool:
-                return daemon.metric("lumpwatch_process_restarts_total", stage=role, reason="exited") == 2
+                return daemon.metric("lumpwatch_worker_restarts_total", process=role, reason="exited") == 2
 
             wait_for(f"{role}s started again", again, 20)
 
@@ -160,7 +160,7 @@ def test_a_new_prior_is_taken_without_a_restart(daemon: Daemon) -> None:
     rolled = daemon.command("priors", "rollback", str(daemon.config), *where, "--version", "1")
     assert rolled.returncode == 0
     wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 10)
-    assert daemon.metric("lumpwatch_process_restarts_total") == 0
+    assert daemon.metric("lumpwatch_worker_restarts_total") == 0
     assert daemon.ready
 
 
@@ -179,7 +179,7 @@ def test_malformed_frames_are_counted_and_harmless(daemon: Daemon) -> None:
         10,
     )
     assert daemon.ready
-    assert daemon.metric("lumpwatch_process_restarts_total") == 0
+    assert daemon.metric("lumpwatch_worker_restarts_total") == 0
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_a_stuck_camera_process_is_killed(daemon: Daemon) -> None:
     wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
     wait_for(
         "stuck process replaced",
-        lambda: daemon.metric("lumpwatch_process_restarts_total", reason="stuck") == 1,
+        lambda: daemon.metric("lumpwatch_worker_restarts_total", reason="stuck") == 1,
         40,
     )
     wait_for("ready again", lambda: daemon.ready, 60)

@@ -46,7 +46,9 @@ def test_by_command_and_on_a_schedule(tmp_path: Path, polygon: str) -> None:
         with AlarmFollower(daemon.config, tmp_path / "alarms.log") as follower:
             wait_for(
                 "scheduled test",
-                lambda: daemon.metric("lumpwatch_proof_tests_total", roi="apron", reason="passed") == 1,
+                lambda: (
+                    daemon.metric("lumpwatch_proof_test_outcomes_total", roi="apron", outcome="passed") == 1
+                ),
                 120,
             )
             assert daemon.metric("lumpwatch_proof_test_warning_seconds", roi="apron") > 1.0

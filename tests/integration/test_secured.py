@@ -71,7 +71,7 @@ def test_a_secured_daemon_obeys_its_operators_alone(tmp_path: Path, monkeypatch:
         # The alarm that waits: not for the guest to acknowledge, nor to forge another.
         target = ("--camera", "crusher-1", "--roi", "apron")
         alarm = Keys("test").alarm("crusher-1", "apron")
-        acknowledged = ("lumpwatch_alarm_transitions_total", {"class": "lump", "reason": "acknowledged"})
+        acknowledged = ("lumpwatch_alarm_changes_total", {"class": "lump", "change": "acknowledged"})
         denied = run("guest", daemon, "ack", *target, "--actor", "guest")
         assert denied.returncode == 1
         assert "allowed" in denied.stderr

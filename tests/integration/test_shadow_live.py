@@ -91,7 +91,7 @@ def test_a_shadow_is_counted_promoted_and_gone_back_from(tmp_path: Path) -> None
         site.feed.bright = True
         site.wait_alarm("UNACKNOWLEDGED")
         counts(site, "only_current", 1)
-        assert site.daemon.metric("lumpwatch_shadow_alarms_total", reason="only_current") == 1
+        assert site.daemon.metric("lumpwatch_shadow_raised_alarms_total", side="only_current") == 1
         (record,) = site.follower.records()
         assert record["data"]["prior"] == 1
         wait_for("kept", lambda: (kept := read_state(store, *OF)) and kept.only_current == 1, 30)

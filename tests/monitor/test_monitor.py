@@ -141,7 +141,7 @@ def test_a_put_suppresses_and_its_end_announces(world: World) -> None:
         then(put(b"nonsense")),
     )
     assert changes(world)[:4] == ["suppressed", "active", "unsuppressed", "raised"]
-    assert world.metric("requests_refused_total", reason="suppress") == 1
+    assert world.metric("commands_refused_total", command="suppress") == 1
 
 
 def test_the_plant_tells_of_the_feed_and_that_runs_out(world: World) -> None:
@@ -167,7 +167,7 @@ def test_an_acknowledgement_that_cannot_be_recorded_is_refused_at_the_door(
 
     world.run(*show(world, 2.0, bright=True), then(refused), *show(world, 0.5, bright=True))
     assert world.bus.of("state")[-1]["alarm"] == "UNACKNOWLEDGED"
-    assert world.metric("requests_refused_total", reason="ack") == 1
+    assert world.metric("commands_refused_total", command="ack") == 1
     assert [change for _, change, _ in logged(world, tmp_path)].count("acknowledged") == 0
 
 

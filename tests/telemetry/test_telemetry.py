@@ -45,6 +45,9 @@ def _monitor(registry: CollectorRegistry) -> None:
     metrics.state("apron", Decision.LUMP, 0.97, alarms)
     raised = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 1.0)
     metrics.transition("apron", AlarmClass.LUMP, raised)
+    for reason in ("latency", "feed_signal"):
+        told = Transition(Change.RAISED, AlarmState.NORMAL, AlarmState.UNACKNOWLEDGED, 1.0, reason=reason)
+        metrics.transition("chute", AlarmClass.SYSTEM, told)
     metrics.refused("chute", "ack")
     metrics.events_written(3)
     metrics.events_waiting(1)
@@ -97,14 +100,21 @@ def values(text: str) -> dict[tuple[str, ...], float]:
 # Names and labels
 
 
+LABELS = {
+    "camera", "roi", "stage", "class", "reason", "model", "le", "version", "process", "change", "command", "side",
+    "outcome",
+}  # fmt: skip
+"""Each means one thing in all metrics."""
+
+
 @pytest.mark.parametrize("process", PROCESSES)
 def test_labels_are_few_and_names_are_ours(process: str) -> None:
     text = text_of(PROCESSES[process])
     samples = [s for family in text_string_to_metric_families(text) for s in family.samples]
     assert len(samples) > 2
     for sample in samples:
-        assert sample.name.startswith("lumpwatch_")
-        assert set(sample.labels) <= {"camera", "roi", "stage", "class", "reason", "model", "le", "version"}
+        assert sample.name.startswith(("lumpwatch_", "process_"))
+        assert set(sample.labels) <= LABELS
         assert ("version" in sample.labels) is (sample.name == "lumpwatch_build_info")
 
 
@@ -146,10 +156,12 @@ def test_what_the_monitor_counts() -> None:
     assert found["lumpwatch_alarm_active", "cam", "lump", "apron"] == 1
     assert found["lumpwatch_alarm_active", "cam", "blind", "apron"] == 0
     assert found["lumpwatch_alarm_unacknowledged", "cam", "lump", "apron"] == 1
-    assert found["lumpwatch_alarm_transitions_total", "cam", "lump", "raised", "apron"] == 1
-    assert found["lumpwatch_alarm_transitions_total", "cam", "blind", "raised", "apron"] == 0
-    assert found["lumpwatch_alarm_transitions_total", "cam", "lump", "raised", "chute"] == 0
-    assert found["lumpwatch_requests_refused_total", "cam", "ack", "chute"] == 1
+    assert found["lumpwatch_alarm_changes_total", "cam", "raised", "lump", "apron"] == 1
+    assert found["lumpwatch_alarm_changes_total", "cam", "raised", "blind", "apron"] == 0
+    assert found["lumpwatch_alarm_changes_total", "cam", "raised", "lump", "chute"] == 0
+    assert found["lumpwatch_alarm_reason", "cam", "system", "latency", "chute"] == 0
+    assert found["lumpwatch_alarm_reason", "cam", "system", "feed_signal", "chute"] == 1
+    assert found["lumpwatch_commands_refused_total", "cam", "ack", "chute"] == 1
     assert found["lumpwatch_events_written_total", "cam"] == 3
     assert found["lumpwatch_events_waiting", "cam"] == 1
     assert found["lumpwatch_event_log_problems_total", "cam", "unwritable"] == 1

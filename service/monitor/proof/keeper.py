@@ -70,13 +70,11 @@ class ProofKeeper:
         return {Trouble.PROOF_TEST: failed, Trouble.PROOF_OVERDUE: is_overdue(config, now - since)}
 
     def poll(self) -> None:
-        """Publish the ages, and start a test where one is due and none is running."""
+        """Start a test where one is due and none is running."""
         clocks = self._clocks()
         due = []
         for roi in self._camera.rois:
             state = self._rois[roi.id]
-            if state.judged_s is not None:
-                self._metrics.age(roi.id, clocks.monotonic_s - state.judged_s)
             ago = None if state.tried_s is None else clocks.monotonic_s - state.tried_s
             wall = datetime.fromtimestamp(clocks.wall_s, UTC)
             if is_due(roi.proof_test, wall, ago, conclusive=state.conclusive):
