@@ -14,7 +14,7 @@ ORACLE := trackeval==1.3.0 pysparkplug==0.6.1
 # What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, a Modbus
 # master, an MQTT broker, and
 # the means to lose packets and to step a clock.
-SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus prometheus-alertmanager iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
+SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus prometheus-alertmanager kubernetes-client iproute2 iptables libfaketime python3-gi gir1.2-gst-rtsp-server-1.0 \
 	gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-plugins-bad
 
 # What the tests of the container need on top. `make test` does not install it: with the base to build from
@@ -22,10 +22,10 @@ SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus promet
 ENGINE_PACKAGES := podman buildah runc catatonit debootstrap
 BASE ?= localhost/python:3.11-slim-bookworm
 
-.PHONY: help setup demo test coverage quick container figures model pictures lint format bench reproduce docs lock sbom release audit system base clean
+.PHONY: help setup demo test coverage quick container figures model pictures lint format bench reproduce docs lock sbom release release-image sign verify audit system base clean
 
 help: ## this list
-	@awk -F':.*## ' '/^[a-z]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(READY) ## make the virtual environment in .venv
 
@@ -131,6 +131,28 @@ release: sbom ## wheel, SBOM, changelog entry and checksums of this version, int
 	awk '/^## /{on = index($$0, "## $(VERSION)") == 1} on' CHANGELOG.md >dist/lumpwatch-$(VERSION)-changes.md
 	rm -f dist/.gitignore; cd dist && sha256sum lumpwatch-* >SHA256SUMS
 	@cat dist/SHA256SUMS
+
+# By digest, so that the same commit gives the same image; a tag moves.
+ENGINE ?= docker
+release-image: ## the image of this version: make release-image BASE=python:3.11-slim-bookworm@sha256:…; ENGINE=podman
+	@case "$(BASE)" in *@sha256:*) ;; *) echo "BASE=$(BASE): a release is built from a base named by digest, NAME@sha256:…"; exit 1;; esac
+	$(ENGINE) build $(if $(filter podman,$(ENGINE)),--format docker) --build-arg BASE=$(BASE) --build-arg VERSION=$(VERSION) \
+		--build-arg REVISION=$$(git rev-parse HEAD) --build-arg CREATED=$$(git show -s --format=%cI HEAD) -t lumpwatch:$(VERSION) .
+	@mkdir -p $(DIST) && { echo "base $(BASE)"; $(ENGINE) image inspect --format 'image {{.Id}} {{.Os}}/{{.Architecture}}' lumpwatch:$(VERSION); } \
+		>$(DIST)/lumpwatch-$(VERSION)-image.txt && cat $(DIST)/lumpwatch-$(VERSION)-image.txt
+
+# Of everything in DIST: who has the public key can tell that nothing was changed or put in place of it.
+DIST ?= dist
+sign: ## the checksums of DIST, signed: make sign KEY=release.key (openssl genpkey -algorithm EC -pkeyopt ec_paramgen_curve:P-256)
+	@[ -n "$(KEY)" ] && [ -r "$(KEY)" ] || { echo "KEY=$(KEY): name the file of the private key"; exit 1; }
+	cd $(DIST) && sha256sum lumpwatch-* >SHA256SUMS
+	openssl dgst -sha256 -sign $(KEY) -out $(DIST)/SHA256SUMS.sig $(DIST)/SHA256SUMS
+	openssl pkey -in $(KEY) -pubout -out $(DIST)/release.pub
+	$(MAKE) --no-print-directory verify DIST=$(DIST) PUBLIC=$(DIST)/release.pub
+
+verify: ## that DIST is as it was signed: make verify PUBLIC=release.pub, with a public key that came another way
+	openssl dgst -sha256 -verify $(or $(PUBLIC),release.pub) -signature $(DIST)/SHA256SUMS.sig $(DIST)/SHA256SUMS
+	cd $(DIST) && sha256sum --check --strict --quiet SHA256SUMS
 
 audit: setup ## known vulnerabilities of what the image is made of; needs the advisory service
 	$(BIN)/uv tool run pip-audit --strict --require-hashes --disable-pip --progress-spinner off \

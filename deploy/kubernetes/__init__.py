@@ -1,1 +1,1 @@
-"""Kubernetes objects; only the maker of the rules is Python."""
+"""Kubernetes objects; only what makes rules and sites is Python."""

@@ -1,4 +1,4 @@
-"""Writes example/rules.yaml, the rules of `deploy/prometheus` for the Prometheus operator; the tests compare.
+"""Writes monitoring/rules.yaml, the rules of `deploy/prometheus` for the Prometheus operator; the tests compare.
 
 python -m deploy.kubernetes.make_rules
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 RULES = HERE.parent / "prometheus" / "rules"
-TARGET = HERE / "example" / "rules.yaml"
+TARGET = HERE / "monitoring" / "rules.yaml"
 HEAD = """\
 # Written by deploy/kubernetes/make_rules.py from deploy/prometheus/rules; edit those. For the Prometheus operator.
 apiVersion: monitoring.coreos.com/v1

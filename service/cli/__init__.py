@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any, NoReturn
 
+from lumpwatch.service.cli.compiled import unpack_kernels
 from lumpwatch.service.cli.overview import overview, unknown
 from lumpwatch.service.cli.word_order import verb_first
 from lumpwatch.service.errors import LumpwatchError
@@ -140,6 +141,7 @@ def _escape_what_cannot_be_printed() -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     use_one_thread()
+    unpack_kernels()
     _escape_what_cannot_be_printed()
     given = list(sys.argv[1:] if argv is None else argv)
     known = [name for names in _MODULES.values() for name in names]

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from prometheus_client import CollectorRegistry, Counter, Gauge
 
 from lumpwatch.service.bus import Burden, CutOff
+from lumpwatch.service.telemetry.process import ProcessMetrics
 
 log = logging.getLogger(__name__)
 
@@ -22,6 +23,7 @@ class HubMetrics:
 
     def __init__(self, registry: CollectorRegistry, resident: Callable[[], int] = lambda: 0) -> None:
         """`resident` gives the bytes that the process has in memory."""
+        ProcessMetrics(registry, "", "hub")
         Gauge(
             "lumpwatch_bus_hub_memory_bytes", "Memory of the hub's process.", registry=registry
         ).set_function(resident)

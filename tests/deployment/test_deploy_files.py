@@ -15,11 +15,14 @@ import pytest
 from ruamel.yaml import YAML
 
 from deploy.kubernetes.make_rules import TARGET, text
+from deploy.kubernetes.make_site import files_of, write
+from deploy.kubernetes.make_site import read as read_site
 from lumpwatch.service.bus import SHARED_MEMORY_MIB
 from lumpwatch.service.capture import spec_of
 from lumpwatch.service.cli import backtest
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.deployment.bundling import CONFIG, USER
+from lumpwatch.service.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
 COMPOSE = ROOT / "deploy/compose/compose.yaml"
@@ -28,6 +31,22 @@ CONFIGS = [
     *sorted((ROOT / "deploy/compose").glob("*.yaml")),
     *sorted(KUBERNETES.rglob("site.yaml")),
 ]
+
+
+CRUSHER = {
+    "network": "10.0.0.5/32",
+    "camera": {
+        "id": "a",
+        "source": {"url": "rtsp://10.0.0.5/stream"},
+        "rois": [{"id": "apron", "polygon": [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9]]}],
+    },
+}
+
+
+def site_of(*names: str) -> dict[str, Any]:
+    """A list of crushers."""
+    crushers = [{**CRUSHER, "camera": {**CRUSHER["camera"], "id": name}} for name in names]  # type: ignore[dict-item]
+    return {"namespace": "pit", "image": "registry.example/lumpwatch:1", "crushers": crushers}
 
 
 def read(path: Path) -> Any:
@@ -45,7 +64,9 @@ def mib(text: str) -> int:
 def test_configurations_are_valid_and_reachable_in_a_container(path: Path) -> None:
     config = parse_config(path.read_text(), path.name, {"CAM_PASSWORD": "x"})
     assert config.telemetry.address == ("0.0.0.0", 9464)
-    assert config.bus.listen == ("tcp/0.0.0.0:7447",)
+    in_cluster = KUBERNETES in path.parents
+    assert config.bus.listen == (("tls" if in_cluster else "tcp") + "/0.0.0.0:7447",)
+    assert (config.bus.tls is not None) is in_cluster
     assert str(config.store.path) == "/var/lib/lumpwatch"
 
 
@@ -203,7 +224,8 @@ def test_the_console_is_beside_one_daemon_with_its_store_and_reached_by_the_ingr
     for one in rendered:
         ours = one["metadata"]["name"] == "lumpwatch-crusher-1"
         if one["kind"] == "Service":
-            assert ("console" in {port["name"] for port in one["spec"]["ports"]}) is ours
+            ports = {port["name"] for port in one["spec"]["ports"]}
+            assert ("console" in ports) is ours
         elif one["kind"] == "NetworkPolicy":
             lets_in = [rule for rule in one["spec"]["ingress"] if rule["ports"][0]["port"] == "console"]
             assert len(lets_in) == ours
@@ -220,17 +242,20 @@ def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None
     if shutil.which("kubectl") is None:
         pytest.skip("kubectl is not installed")
     pods, secrets = {}, set()
+    classes = {one["metadata"]["name"] for one in rendered if one["kind"] == "PriorityClass"}
     for one in rendered:
         if one["kind"] == "StatefulSet":
             template = one["spec"]["template"]
             pods[one["metadata"]["name"]] = template["metadata"]["labels"]
             assert one["spec"]["selector"]["matchLabels"] == template["metadata"]["labels"]
             volumes = {volume["name"]: volume for volume in template["spec"]["volumes"]}
-            secrets.add(volumes["camera"]["secret"]["secretName"])
+            secrets |= {volumes[what]["secret"]["secretName"] for what in ("camera", "bus")}
+            assert "optional" not in volumes["bus"]["secret"], "without its certificate it must not start"
+            assert template["spec"]["priorityClassName"] in classes
             assert template["spec"]["containers"][0]["image"] == "registry.example/lumpwatch:0.1.0"
             maps = {o["metadata"]["name"] for o in rendered if o["kind"] == "ConfigMap"}
             assert volumes["config"]["configMap"]["name"] in maps
-    assert secrets == {"camera-crusher-1", "camera-crusher-2"}
+    assert secrets == {f"{what}-crusher-{n}" for what in ("camera", "bus") for n in (1, 2)}
 
     def chosen(selector: dict[str, str]) -> list[str]:
         return [name for name, labels in pods.items() if selector.items() <= labels.items()]
@@ -238,7 +263,7 @@ def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None
     for one in rendered:
         spec = one.get("spec", {})
         if one["kind"] == "Service":
-            assert chosen(spec["selector"]) == [one["metadata"]["name"]]
+            assert chosen(spec["selector"]) == [one["metadata"]["name"].replace("-outside", "")]
             assert spec["publishNotReadyAddresses"] is True
         elif one["kind"] == "PodDisruptionBudget":
             assert chosen(spec["selector"]["matchLabels"]) == [one["metadata"]["name"]]
@@ -247,7 +272,9 @@ def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None
             (client,) = spec["ingress"][0]["from"]
             assert list(client["podSelector"]) == ["matchExpressions"]
     (monitor,) = [one for one in rendered if one["kind"] == "ServiceMonitor"]
-    services = [one for one in rendered if one["kind"] == "Service"]
+    (outside,) = [one for one in rendered if one["kind"] == "Service" and "type" in one["spec"]]
+    assert outside["spec"]["ports"] == [{"name": "bus", "port": 7447, "targetPort": "bus"}]
+    services = [one for one in rendered if one["kind"] == "Service" and one is not outside]
     wanted = monitor["spec"]["selector"]["matchLabels"]
     assert all(wanted.items() <= one["metadata"]["labels"].items() for one in services)
     assert {endpoint["port"] for endpoint in monitor["spec"]["endpoints"]} == {"metrics"}
@@ -259,6 +286,49 @@ def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None
     (relabeling,) = monitor["spec"]["endpoints"][0]["relabelings"]
     assert relabeling["targetLabel"] == "site"
     assert {one["metadata"]["namespace"] for one in services} == {"north-pit"}
+
+
+def test_the_example_is_what_its_list_says() -> None:
+    place = KUBERNETES / "example/crushers.yaml"
+    for file, content in files_of(read_site(place), place).items():
+        assert (place.parent / file).read_text() == content
+
+
+def test_a_site_is_written_from_its_list_and_follows_it(tmp_path: Path) -> None:
+    place = tmp_path / "crushers.yaml"
+    place.write_text(json.dumps(site_of("a", "b")))
+    write(place)
+    other = tmp_path / "kept" / "kustomization.yaml"
+    other.parent.mkdir()
+    other.write_text("# by hand")
+    place.write_text(json.dumps(site_of("b")))
+    write(place)
+    assert sorted(p.name for p in tmp_path.iterdir() if p.is_dir()) == ["b", "kept"]
+    assert read(tmp_path / "kustomization.yaml")["resources"][0] == "b"
+    config = parse_config((tmp_path / "b/site.yaml").read_text(), "b")
+    assert config.bus.tls is not None
+    assert config.bus.tls.certificate.name == "tls.crt"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"crushers": [CRUSHER, CRUSHER]}, "the camera a is there twice"),
+        ({"crushers": []}, "crushers"),
+        ({"nampespace": "x"}, "nampespace"),
+        ({"image": "registry.example:5000/lumpwatch"}, "expected NAME:TAG"),
+        ({"crushers": [{**CRUSHER, "network": "the yard"}]}, "crushers.0.network"),
+        ({"crushers": [{**CRUSHER, "camera": {"id": "a"}}]}, "source"),
+        ({"crushers": [{**CRUSHER, "outside": {"network": "10.0.0.0/8", "node_port": 80}}]}, "node_port"),
+        ({"crushers": [{**CRUSHER, "more": {"bus": {"listen": ["tcp/0.0.0.0:7447"]}}}]}, "bus"),
+    ],
+)
+def test_a_list_that_is_wrong_is_refused_by_name(tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    place = tmp_path / "crushers.yaml"
+    place.write_text(json.dumps({**site_of("a"), **change}))
+    with pytest.raises((ValueError, ConfigError), match=re.escape(said)):
+        write(place)
+    assert [p.name for p in tmp_path.iterdir()] == ["crushers.yaml"]
 
 
 def test_the_operator_gets_the_same_rules() -> None:

@@ -168,7 +168,7 @@ def test_a_hub_that_is_killed_loses_no_alarm_and_blinds_the_region_meanwhile(tmp
             wait_for("blind", lambda: site.daemon.metric("lumpwatch_roi_blind") == 1, 20)
 
             def again(kills: int = kills) -> bool:
-                return site.daemon.metric("lumpwatch_process_restarts_total", stage="hub") == kills
+                return site.daemon.metric("lumpwatch_worker_restarts_total", process="hub") == kills
 
             wait_for("hub started again", again, 20)
             site.wait_alarm("UNACKNOWLEDGED" if bright else "RETURNED")

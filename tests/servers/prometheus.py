@@ -103,7 +103,11 @@ class Alertmanager:
 
     def __init__(self, url: str) -> None:
         self.url = url
-        self.received: dict[str, list[dict[str, Any]]] = {"pages": [], "tickets": []}
+        self.received: dict[str, list[dict[str, Any]]] = {
+            "pages": [],
+            "tickets": [],
+            "watchdog": [],
+        }
 
     def post(self, alerts: Sequence[Mapping[str, Any]]) -> None:
         """As Prometheus does."""
