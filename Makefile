@@ -22,7 +22,7 @@ SYSTEM_PACKAGES := chromium mbpoll mosquitto mosquitto-clients prometheus promet
 ENGINE_PACKAGES := podman buildah runc catatonit debootstrap
 BASE ?= localhost/python:3.11-slim-bookworm
 
-.PHONY: help setup demo test coverage quick container figures model pictures lint format bench reproduce docs lock sbom release release-image sign verify audit system base clean
+.PHONY: help setup demo test coverage quick container figures model pictures lint format bench viewers reproduce docs lock sbom release release-image sign verify audit system base clean
 
 help: ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -98,6 +98,11 @@ format: setup ## put the code into the project's format
 bench: setup ## benchmarks, as ratios taken side by side
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --group bench || echo "Stone Soup cannot be installed: that comparison is left out"
 	$(BIN)/python -m tests.benchmarks
+
+SECONDS ?= 600
+CAMERAS ?= 4
+viewers: setup ## twenty viewers of the console on CAMERAS cameras for SECONDS: decisions with and without, memory, processor
+	$(BIN)/python -m tests.console.load $(SECONDS) $(CAMERAS)
 
 reproduce: setup ## the experiments, with tables and plots in docs/
 	$(BIN)/python -m docs.experiments --footage $(FOOTAGE) --pages

@@ -71,7 +71,7 @@ class Sent:
         if self.codec and (self.key_frame_s or self.watched_s) > 4.0:
             found.append(
                 "key frames are far apart: after a lost packet the picture is damaged until the next one, and so long "
-                "the region is BLIND; set the camera to one a second"
+                "the region is BLIND; set the camera to one a second (a file that is played loses no packets)"
             )
         if self.fps is not None and self.fps < 5.0:
             found.append(f"{self.fps:.3g} frames a second are few: ten and more find a lump sooner")

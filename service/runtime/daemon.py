@@ -27,6 +27,7 @@ from lumpwatch.service.config import BusConfig, CameraConfig, SiteConfig
 from lumpwatch.service.monitor import run_monitor
 from lumpwatch.service.runtime.config_file import changed_cameras
 from lumpwatch.service.runtime.hub_keeper import HUB, HubKeeper
+from lumpwatch.service.runtime.renewal import CertificateWatch
 from lumpwatch.service.runtime.supervisor import Supervisor, Task
 from lumpwatch.service.storage import lock_cameras
 from lumpwatch.service.telemetry import DaemonMetrics, Relay, Report, TelemetryServer
@@ -164,12 +165,14 @@ def run(
         stack.callback(lambda: left.extend(supervisor.stop()))
         on_ready(Addresses(bus.endpoints, server.url))
 
-        present = config
+        present, certificates = config, CertificateWatch(config.bus.tls)
 
         def look() -> None:
             nonlocal present
             if hub is not None:
                 hub.watch()
+                if certificates.renewed():
+                    hub.renew()
             if (after := changed()) is not None:
                 present = _take_over(present, after, inner, supervisor, health, roles)
 

@@ -31,8 +31,8 @@ class HubKeeper:
         listen = with_ports(config.listen)
         self.endpoints = reachable(listen)
         """Where clients on this host reach it."""
-        task = Task("", HUB, run_hub, (config.model_copy(update={"listen": listen}),), HUB_STUCK_S)
-        self._supervisor = Supervisor([task], relay, restarted, start=start)
+        self._task = Task("", HUB, run_hub, (config.model_copy(update={"listen": listen}),), HUB_STUCK_S)
+        self._supervisor = Supervisor([self._task], relay, restarted, start=start)
 
     def start(self, stop: threading.Event) -> None:
         """Returns when it listens, or when `stop` is set.
@@ -54,6 +54,10 @@ class HubKeeper:
     def watch(self) -> None:
         """Hear it, kill it where it is stuck, start it where it has ended; never waits."""
         self._supervisor.watch()
+
+    def renew(self) -> None:
+        """Start it anew, with the files as they are now; never waits."""
+        self._supervisor.replace(self._task)
 
     def stop(self) -> tuple[str, ...]:
         """Stop it in bounded time; its name where it cannot be stopped."""

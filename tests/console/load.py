@@ -1,5 +1,8 @@
-"""Twenty viewers of a daemon: `python -m tests.console.load CONSOLE_URL BUS_ENDPOINT SECONDS [SITE CAMERA…]`.
+"""Twenty viewers of a daemon: `make viewers`, or of one that runs already:
 
+    python -m tests.console.load CONSOLE_URL BUS_ENDPOINT SECONDS [SITE CAMERA…]
+
+`make viewers SECONDS=600 CAMERAS=4` starts a daemon of so many simulated cameras and its console by itself.
 Two of them are Chromium with the live page; for the others an HTTP client follows the stream and asks for ten pictures
 a second as a page does, one of them reading slowly. Printed are the age of decisions and of alarm records when they
 come over the bus, without viewers (a minute at most) and with them, and what the console takes meanwhile.
@@ -7,18 +10,27 @@ come over the bus, without viewers (a minute at most) and with them, and what th
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
+import re
+import signal
+import subprocess
 import sys
+import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
 from lumpwatch.service.bus import Keys, open_client
 from lumpwatch.service.config import BusConfig
+from lumpwatch.service.simulator import FeedSimulator, FeedSpec
+from tests.bus.test_bus_support import free_endpoint
 from tests.console.chromium import chromium
+from tests.integration.site import LUMPWATCH, wait_for
 
 VIEWERS, BROWSERS = 20, 2
 BASELINE_S, SAMPLE_S = 60.0, 15.0
@@ -128,10 +140,59 @@ def watch(pid: int, endpoint: str, site: str, seconds: float) -> None:
     )
 
 
+@contextlib.contextmanager
+def plant(count: int) -> Iterator[tuple[str, str, list[str]]]:
+    """A daemon of so many simulated cameras and its console: address, bus, cameras; all decide by then."""
+    cameras, endpoint = [f"crusher-{k + 1}" for k in range(count)], free_endpoint()
+    polygon = [[round(float(v), 4) for v in point] for point in FeedSimulator(FeedSpec()).polygon]
+    with tempfile.TemporaryDirectory(prefix="lumpwatch-viewers-") as folder:
+        config = Path(folder) / "site.yaml"
+        head = (
+            f'site: demo\nbus: {{listen: ["{endpoint}"]}}\nstore: {{path: var}}\n'
+            'telemetry: {listen: "127.0.0.1:0"}\nconsole: {listen: "127.0.0.1:0", anonymous: viewer}\ncameras:\n'
+        )
+        config.write_text(
+            head
+            + "".join(
+                f'  - {{id: {camera}, source: {{url: "sim:feed?lumps_per_minute=4", seed: {k + 1}}}, '
+                f"rois: [{{id: apron, polygon: {polygon}}}]}}\n"
+                for k, camera in enumerate(cameras)
+            )
+        )
+        said = Path(folder) / "said.log"
+        with said.open("wb") as out:
+            processes = [
+                subprocess.Popen([*LUMPWATCH, command, str(config)], stdout=out, stderr=out)
+                for command in ("run", "console")
+            ]
+        try:
+            wait_for("console", lambda: re.search(r"console on (http\S+)", said.read_text()), 120)
+            (url,) = re.findall(r"console on (http\S+)", said.read_text())
+            seen: set[str] = set()
+            with open_client(BusConfig(mode="client", connect=(endpoint,))) as bus:
+                bus.subscribe(Keys("demo").states(), lambda key, _: seen.add(key))
+                wait_for("a decision of each camera", lambda: len(seen) == count, 240)
+            yield url, endpoint, cameras
+        finally:
+            for process_ in processes:
+                process_.send_signal(signal.SIGTERM)
+            for process_ in processes:
+                process_.wait(timeout=30)
+
+
 def main() -> None:
     """Measure."""
-    url, endpoint, seconds = sys.argv[1], sys.argv[2], float(sys.argv[3])
-    site, *cameras = sys.argv[4:] if len(sys.argv) > 5 else ("demo", "crusher-1")
+    if len(sys.argv) > 3:
+        site, *cameras = sys.argv[4:] if len(sys.argv) > 5 else ("demo", "crusher-1")
+        measure(sys.argv[1], sys.argv[2], float(sys.argv[3]), site, cameras)
+        return
+    with plant(int(sys.argv[2])) as (url, endpoint, cameras):
+        print(f"{len(cameras)} simulated cameras")
+        measure(url, endpoint, float(sys.argv[1]), "demo", cameras)
+
+
+def measure(url: str, endpoint: str, seconds: float, site: str, cameras: list[str]) -> None:
+    """Without viewers and with them."""
     host = url.partition("://")[2]
     pid = listener(int(host.rpartition(":")[2]))
     print("without viewers", flush=True)
