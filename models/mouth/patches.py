@@ -19,7 +19,7 @@ STRIDE, SIDE = 8, 12
 """Windows overlap by a few pixels, so that a stone on a border is seen as a whole by one of them."""
 _FINE, _COARSE = 0.8, 5.0
 """Standard deviations of the two blurs, px: noise is below the first, light and dust are above the second."""
-_FAINT, _CONTRAST = 0.8, 0.01
+_FAINT, _CONTRAST = 1.0, 0.015
 """A window whose deviation is below so many grey levels, or this share of its brightness, shows nothing."""
 _REACH = 2
 """How far a camera that shakes may move the picture, px."""
