@@ -63,7 +63,8 @@ figures: setup base ## what docs/deployment.md says of size, start, memory and g
 
 model: setup ## net and score that ship, from FOOTAGE; some hours; see docs/model-card.md
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --group model
-	OMP_NUM_THREADS=1 $(BIN)/python -m lumpwatch.service.training.model_builder $(FOOTAGE) build/model service/detection/default_lump.npz
+	LUMPWATCH_FOOTAGE=$(FOOTAGE) $(BIN)/python -m tests.reproduction.real.make_feeds build/model/feeds --split train
+	OMP_NUM_THREADS=1 $(BIN)/python -m lumpwatch.service.training.model_builder $(FOOTAGE) build/model/feeds/train build/model service/detection/default_lump.npz
 	$(BIN)/python -m tests.reproduction.defaults
 
 pictures: setup ## the pictures of README, docs/console.md and docs/dashboards.md; needs Debian's prometheus and chromium

@@ -13,6 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lumpwatch.models.state import H, W, X, Y
+from lumpwatch.service.config import parse_config
+from lumpwatch.service.detection import make_region
+from lumpwatch.service.training.model_builder.sites import site_scenes
 from lumpwatch.service.training.model_builder.split import part_of
 from tests.footage import footage_folder
 from tests.reproduction.real import ore, page, runner, suite
@@ -327,6 +331,29 @@ def test_a_scene_is_written_whole_and_the_same_again(tmp_path: Path) -> None:
     assert about["lumps"] == len(ids)
 
 
+def test_minutes_of_a_site_teach_the_score_picture_by_picture(tmp_path: Path) -> None:
+    scene = small_scene()
+    roi = {"id": "apron", "polygon": scene.view.polygon()}
+    camera = {"id": "feed", "source": {"url": "video.mp4"}, "rois": [roi]}
+    site: dict[str, object] = {"site": "made", "store": {"path": "var"}, "cameras": [camera]}
+    for role in ("train", "watch"):
+        write(scene, tmp_path / "made-1" / role, site)
+    scenes = list(site_scenes(tmp_path, every=4))
+    assert len(scenes) == 2 * 40 // 4
+    region = make_region(parse_config(json.dumps(site)).cameras[0].rois[0], 160, 120)
+    lumps, unclear = (read_labels(tmp_path / "made-1" / "train" / name) for name in ("gt.txt", "unclear.txt"))
+    for number, ((view,), _) in enumerate(scenes[:10]):
+        frame = 4 * (number + 1)
+        for states, boxes in ((view.objects, lumps), (view.doubtful, unclear)):
+            wanted = [box for _, box in boxes.get(frame, [])]
+            found = region.to_frame(states[:, [X, Y, W, H]])
+            assert found == pytest.approx(np.array(wanted).reshape(-1, 4), abs=0.02)
+    drawn = [births.draw(200, np.random.default_rng(0))[0] for _, births in scenes[:3]]
+    # The first picture as of a region that nothing is known of, the next two with the sizes of the lumps.
+    mean = [float(np.log(states[:, W]).mean()) for states in drawn]
+    assert mean[1] == mean[2] != mean[0]
+
+
 # The runner and the peers
 
 
@@ -418,7 +445,7 @@ def test_neighbouring_crops_show_the_same_where_they_overlap(belt_ore: Path) -> 
 def test_a_real_scene_has_lumps_and_its_quiet_minute_none(belt_ore: Path) -> None:
     from tests.reproduction.real.feeds import scene
 
-    site = next(one for one in sites("train") if one.name == "scroll-1")
+    site = next(one for one in sites("train") if one.name == "scroll-100")
     busy, quiet = (scene(site, role, belt_ore, 5.0) for role in ("watch", "quiet"))
     assert any(body.size >= site.limit and not body.cut for body in busy.strip.bodies)
     assert not any(body.size >= site.limit for body in quiet.strip.bodies)

@@ -41,7 +41,7 @@ from lumpwatch.models.likelihood.patterns import no_patterns
 from lumpwatch.models.state import States
 
 _LUMP_RIDGE = 3e-3
-_TRUST = 0.02
+_TRUST = 0.005
 """Ridge towards what is known of lumps elsewhere."""
 _PARTS = 2
 """Where something is known, each round looks for mistakes in one of so many parts of the pictures, in turn:

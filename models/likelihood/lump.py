@@ -3,10 +3,11 @@
 A net looks at the picture once (`net`) and says of each cell whether it lies on a body with an outline, whether an
 outline passes, and where the sides of its body are. How well one body of a box's own size explains that is measured
 by a handful of means over the box, its core, its rim, the ring around it and its wider surroundings: are the cells
-on a body, do their bodies' sides agree with the box's and with each other, is the outline at the rim, and how large
-is the box against what else lies there. All come from integral images (`maps`), so a box costs the same whatever its
-size. A logistic regression weighs them, their squares and what several say together (`patterns`). Trained on equally
-many boxes with and without a lump, its logit is the log likelihood ratio.
+on a body, even those of the weakest quarter, do their bodies' sides agree with the box's and with each other, is the
+outline at the rim, even along the weakest side, and how large is the box against what else lies there. All come from
+integral images (`maps`), so a box costs the same whatever its size. A logistic regression weighs them, their squares
+and what several say together (`patterns`). Trained on equally many boxes with and without a lump, its logit is the
+log likelihood ratio.
 """
 
 from __future__ import annotations
@@ -43,6 +44,9 @@ FEATURES = (
     "edge_core",
     "edge_rim",
     "edge_ring",
+    "edge_weakest",
+    "edge_second",
+    "body_weakest",
     "votes",
     "close_votes",
     "agreement",
@@ -92,11 +96,11 @@ class LumpLikelihood:
 
     maps: Maps
     mean: NDArray[np.float64]
-    """Mean of each feature in training (20,)."""
+    """Mean of each feature in training (23,)."""
     scale: NDArray[np.float64]
-    """Standard deviation of each feature in training (20,)."""
+    """Standard deviation of each feature in training (23,)."""
     weights: NDArray[np.float64]
-    """Weights of the standardised features, of their squares, and of the patterns (40 + k,)."""
+    """Weights of the standardised features, of their squares, and of the patterns (46 + k,)."""
     offset: float
     evidence: float
     """Share of a frame's log ratio that counts, where `looks_per_s` is not given."""
@@ -164,7 +168,7 @@ class LumpObservation:
     """Share of the log ratio that counts: what is new since the last picture."""
 
     def features(self, states: States) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Features (n, 20) of the states' boxes, and whether each box lies in the polygon (n,)."""
+        """Features (n, 23) of the states' boxes, and whether each box lies in the polygon (n,)."""
         return _features(self.sums, self.votes, self.inside, self.expected, states, LEAST_INSIDE)
 
     def score(self, states: States) -> NDArray[np.float64]:
@@ -197,12 +201,12 @@ def neutral(maps: Maps) -> LumpLikelihood:
 def standardised(
     features: NDArray[np.float64], mean: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Features (n, 20) in standard deviations from their mean, limited to five of them."""
+    """Features (n, 23) in standard deviations from their mean, limited to five of them."""
     return np.clip((features - mean) / scale, -_LIMIT, _LIMIT)
 
 
 def expand(z: NDArray[np.float64], patterns: Patterns) -> NDArray[np.float64]:
-    """What the weights belong to: standardised features, their squares, and the patterns' responses (n, 40 + k)."""
+    """What the weights belong to: standardised features, their squares, and the patterns' responses (n, 46 + k)."""
     return np.hstack([z, z * z, patterns.responses(z)])
 
 
@@ -230,6 +234,43 @@ def _looks(integral, box, out):  # type: ignore[no-untyped-def]
     x0, y0, x1, y1 = box
     for k in range(SUMS):
         out[k] = integral[y1, x1, k] - integral[y0, x1, k] - integral[y1, x0, k] + integral[y0, x0, k]
+
+
+@njit(cache=True, error_model="numpy")
+def _sides(inner, outer):  # type: ignore[no-untyped-def]
+    """The four boxes of cells between the sides of two boxes, corners left out."""
+    return (
+        (outer[0], inner[1], inner[0], inner[3]),
+        (inner[0], outer[1], inner[2], inner[1]),
+        (inner[2], inner[1], outer[2], inner[3]),
+        (inner[0], inner[3], inner[2], outer[3]),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _quarters(box):  # type: ignore[no-untyped-def]
+    """The four quarters of a box of cells."""
+    x0, y0, x1, y1 = box
+    x, y = (x0 + x1) // 2, (y0 + y1) // 2
+    return (x0, y0, x, y), (x, y0, x1, y), (x0, y, x, y1), (x, y, x1, y1)
+
+
+@njit(cache=True, error_model="numpy")
+def _two_least(integral, boxes, k, otherwise):  # type: ignore[no-untyped-def]
+    """The two least means of one map over boxes of cells; what lies outside the polygon by half is not asked."""
+    least, second = np.inf, np.inf
+    for x0, y0, x1, y1 in boxes:
+        area = (
+            integral[y1, x1, AREA] - integral[y0, x1, AREA] - integral[y1, x0, AREA] + integral[y0, x0, AREA]
+        )
+        if area > 0.5 * (x1 - x0) * (y1 - y0):
+            total = integral[y1, x1, k] - integral[y0, x1, k] - integral[y1, x0, k] + integral[y0, x0, k]
+            value = total / area
+            if value < least:
+                least, second = value, least
+            elif value < second:
+                second = value
+    return min(least, 1.0) if least < np.inf else otherwise, second if second < np.inf else otherwise
 
 
 @njit(cache=True, error_model="numpy")
@@ -279,13 +320,13 @@ def _count(told, state, out):  # type: ignore[no-untyped-def]
         right += body * min(max(c, -most), most)
         lower += body * min(max(d, -most), most)
     per_body = _ONE / (bodies + np.float32(_LEAST_BODY))
-    out[6], out[7], out[8] = far * _PER_ASKED, close * _PER_ASKED, far * per_body
-    out[9], out[10], out[11], out[12] = left * per_body, upper * per_body, right * per_body, lower * per_body
+    out[9], out[10], out[11] = far * _PER_ASKED, close * _PER_ASKED, far * per_body
+    out[12], out[13], out[14], out[15] = left * per_body, upper * per_body, right * per_body, lower * per_body
 
 
 @njit(cache=True, error_model="numpy")
 def _measure(integral, votes, inside, usual, bodies, expected, state, least_inside, memory, told, out):  # type: ignore[no-untyped-def]
-    """Write the features (20,) of one state's box; False, and nothing written, where it is no object."""
+    """Write the features (23,) of one state's box; False, and nothing written, where it is no object."""
     if state[6] < 3.0 or state[7] < 3.0:
         return False
     _, share = box_inside(inside, state)
@@ -293,9 +334,12 @@ def _measure(integral, votes, inside, usual, bodies, expected, state, least_insi
         return False
     rows, columns = integral.shape[0] - 1, integral.shape[1] - 1
     core, box, rim, ring, around = memory[0], memory[1], memory[2], memory[3], memory[4]
-    _looks(integral, _cells(state, _CORE, rows, columns), core)
-    _looks(integral, _cells(state, 1.0, rows, columns), box)
-    _looks(integral, _cells(state, _RIM, rows, columns), rim)
+    inner, middle, outer = (
+        _cells(state, _CORE, rows, columns), _cells(state, 1.0, rows, columns), _cells(state, _RIM, rows, columns)
+    )  # fmt: skip
+    _looks(integral, inner, core)
+    _looks(integral, middle, box)
+    _looks(integral, outer, rim)
     _looks(integral, _cells(state, _RING, rows, columns), ring)
     _looks(integral, _cells(state, _AROUND, rows, columns), around)
     in_core, in_box = 1.0 / max(core[AREA], 0.5), 1.0 / max(box[AREA], 0.5)
@@ -308,20 +352,22 @@ def _measure(integral, votes, inside, usual, bodies, expected, state, least_insi
     out[3] = core[EDGE] * in_core
     out[4] = (rim[EDGE] - core[EDGE]) * in_rim
     out[5] = (ring[EDGE] - rim[EDGE]) * in_ring
+    out[6], out[7] = _two_least(integral, _sides(inner, outer), EDGE, out[4])
+    out[8], _ = _two_least(integral, _quarters(middle), BODY, out[0])
     _ask(votes, state, told)
     _count(told, state, out)
     log_w, log_h = np.log(state[6]), np.log(state[7])
     size = 0.5 * (log_w + log_h)
-    out[13] = size - (around[SIZE] - rim[SIZE]) * in_around
-    out[14] = size - (ring[SIZE] - rim[SIZE]) * in_ring
-    out[15] = size - usual
-    out[16] = size - _of_bodies(
+    out[16] = size - (around[SIZE] - rim[SIZE]) * in_around
+    out[17] = size - (ring[SIZE] - rim[SIZE]) * in_ring
+    out[18] = size - usual
+    out[19] = size - _of_bodies(
         around[AREA] - rim[AREA], around[BODY] - rim[BODY], around[SIZE] - rim[SIZE]
     )  # fmt: skip
-    out[17] = size - bodies
+    out[20] = size - bodies
     row = min(max(int(state[1]), 0), len(expected) - 1)
-    out[18] = size - expected[row]
-    out[19] = log_w - log_h
+    out[21] = size - expected[row]
+    out[22] = log_w - log_h
     return True
 
 
@@ -348,7 +394,7 @@ def _features(integral, votes, inside, expected, states, least_inside):  # type:
 
 @njit(cache=True, error_model="numpy")
 def _scores(integral, votes, inside, expected, states, least_inside, mean, scale, offset, linear, square):  # type: ignore[no-untyped-def]
-    """The features and their squares times the weights (n,), and the standardised features (n, 20)."""
+    """The features and their squares times the weights (n,), and the standardised features (n, 23)."""
     out, z = np.full(len(states), -np.inf), np.zeros((len(states), _FEATURES), np.float32)
     memory, told = np.empty((5, SUMS)), np.zeros((VOTES, _SLOTS), np.float32)
     features, per_scale = np.empty(_FEATURES), 1.0 / scale

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, NDArray[Any]]
 
-_OLD_FEATURES = (8, 68)
-"""Of likelihoods before the net."""
+_OLD_FEATURES = (8, 20, 68)
+"""How many measures earlier likelihoods took."""
 
 
 def encode_fit(fit: LumpFit | HistogramFit) -> Arrays:
@@ -76,7 +76,7 @@ _BOUNDS: dict[str, tuple[float, float]] = {
 
 
 def known_lump(arrays: Arrays) -> LumpFit:
-    """A lump's likelihood. Raises OutdatedError for one of hand-made features, KeyError or ValueError if it is none."""
+    """A lump's likelihood. Raises OutdatedError for one of an earlier version, KeyError or ValueError if it is none."""
     from lumpwatch.models.learning.learned import LumpFit
     from lumpwatch.models.likelihood.lump import FEATURES
     from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
@@ -84,7 +84,7 @@ def known_lump(arrays: Arrays) -> LumpFit:
     mean = arrays["fit_mean"]
     known = len(FEATURES)
     if len(mean) in _OLD_FEATURES:
-        raise OutdatedError("was trained by a version without a net: train again")
+        raise OutdatedError("was trained by a version with other measures of a box: train again")
     patterns = no_patterns(known)
     if "fit_directions" in arrays:
         patterns = Patterns(arrays["fit_directions"], arrays["fit_offsets"])

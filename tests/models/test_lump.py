@@ -105,6 +105,36 @@ def cells_of(x: float, y: float, w: float, h: float, scale: float) -> tuple[slic
     )
 
 
+def brute_sides(inner: tuple[slice, slice], outer: tuple[slice, slice]) -> list[tuple[int, int, int, int]]:
+    """First and last row and column of the cells between two boxes: left, upper, right, lower, without corners."""
+    (a, b), (c, d) = inner, outer
+    return [
+        (a.start, a.stop, d.start, b.start),
+        (c.start, a.start, b.start, b.stop),
+        (a.start, a.stop, b.stop, d.stop),
+        (a.stop, c.stop, b.start, b.stop),
+    ]
+
+
+def brute_quarters(box: tuple[slice, slice]) -> list[tuple[int, int, int, int]]:
+    """The same of the four quarters of a box."""
+    rows, columns = box
+    y, x = (rows.start + rows.stop) // 2, (columns.start + columns.stop) // 2
+    return [
+        (*r, *c) for r in ((rows.start, y), (y, rows.stop)) for c in ((columns.start, x), (x, columns.stop))
+    ]
+
+
+def brute_least(cells: Array, parts: list[tuple[int, int, int, int]], channel: int) -> list[float]:
+    """Means over those parts of which more than half lies in the polygon, the least first."""
+    means = []
+    for y0, y1, x0, x1 in parts:
+        some = cells[y0:y1, x0:x1].reshape(-1, SUMS)
+        if some[:, 0].sum() > 0.5 * len(some):
+            means.append(some[:, channel].sum() / some[:, 0].sum())
+    return sorted(means)
+
+
 def brute_features(
     maps: NDArray[np.float32], shares: Array, x: float, y: float, w: float, h: float
 ) -> list[float]:
@@ -128,8 +158,8 @@ def brute_features(
                 continue
             inside = 0 <= row < ROWS and 0 <= column < COLUMNS
             asked.append(votes[int(row), int(column)] if inside else np.zeros(VOTES))
-    told, sides = np.array(asked)[:, 0], np.array(asked)[:, 1:]
-    off = (sides - own) / np.array([w, h, w, h])
+    told, places = np.array(asked)[:, 0], np.array(asked)[:, 1:]
+    off = (places - own) / np.array([w, h, w, h])
     total_off = np.abs(off).sum(axis=1)
     far, close = (float((told / (1 + (total_off / reach) ** 2)).sum()) for reach in (1.2, 0.4))
     clipped = (told[:, None] * np.clip(off, -0.6, 0.6)).sum(axis=0) / (told.sum() + 0.5)
@@ -141,9 +171,13 @@ def brute_features(
         return float(grain + (sums[3] - sums[0] * grain) / (sums[1] + 4.0))
 
     bodies = of_bodies(around - rim), of_bodies(cells.sum(axis=(0, 1)))
+    inner, middle, outer = (cells_of(x, y, w, h, scale) for scale in (0.6, 1.0, 1.12))
+    sides = brute_least(cells, brute_sides(inner, outer), 2) or [mean(rim - core, 2)]
+    quarters = brute_least(cells, brute_quarters(middle), 1) or [mean(box, 1)]
     return [
         mean(box, 1), mean(core, 1), mean(ring - rim, 1),
         mean(core, 2), mean(rim - core, 2), mean(ring - rim, 2),
+        sides[0], sides[1] if len(sides) > 1 else mean(rim - core, 2), quarters[0],
         far / 21, close / 21, far / (told.sum() + 0.5), *clipped,
         size - mean(around - rim, 3), size - mean(ring - rim, 3), size - usual,
         size - bodies[0], size - bodies[1],
@@ -166,6 +200,16 @@ def test_features_against_brute_force(x: float, y: float, w: float, h: float, ro
         assert features[0] == pytest.approx(brute_features(maps, part(roi), x, y, w, h), rel=1e-3, abs=1e-3)
     else:
         assert np.array_equal(features[0], np.zeros(M))
+
+
+def test_a_box_half_beside_its_body_has_a_weak_quarter_and_a_weak_side() -> None:
+    maps = drawn((ROWS, COLUMNS), ONE)
+    whole, half_beside = named(observe(maps), LUMP), named(observe(maps), boxes(1, 104, 60, 48, 40))
+    assert whole["body_weakest"] > 0.9
+    assert whole["edge_second"] >= whole["edge_weakest"] > 0.3
+    assert half_beside["body_weakest"] < 0.1
+    assert half_beside["edge_weakest"] < 0.1
+    assert half_beside["body"] > 0.4  # which its mean does not show
 
 
 def test_what_they_tell_of_one_body() -> None:

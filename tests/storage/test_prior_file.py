@@ -186,7 +186,9 @@ def test_shapes_of_profile_and_fit_are_checked(name: str, value: object) -> None
 @pytest.mark.parametrize("features", [8, 68])
 def test_a_prior_from_before_the_net_asks_for_training(features: int) -> None:
     before = LumpFit(np.zeros(features), np.ones(features), np.zeros(2 * features), 0.25)
-    with pytest.raises(PriorError, match="demo: was trained by a version without a net: train again"):
+    with pytest.raises(
+        PriorError, match="demo: was trained by a version with other measures of a box: train again"
+    ):
         decode_prior(encode_prior(prior(learned(likelihood=before))), "demo")
 
 

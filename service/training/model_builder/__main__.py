@@ -1,9 +1,10 @@
 """Builds what ships, in some hours on two cores: `make model`.
 
-    python -m lumpwatch.service.training.model_builder FOOTAGE WORK OUT
+    python -m lumpwatch.service.training.model_builder FOOTAGE FEEDS WORK OUT
 
-FOOTAGE is the folder that holds `belt-ore` and `belt-cctv`, WORK takes the pictures and checkpoints (what is there
-is not made again), OUT is the file that `lumpwatch.service.detection.shipped_likelihood` reads.
+FOOTAGE is the folder that holds `belt-ore` and `belt-cctv`, FEEDS one of sites with labels (`python -m
+tests.reproduction.real.make_feeds … --split train`), WORK takes the pictures and checkpoints (what is there is not
+made again), OUT is the file that `lumpwatch.service.detection.shipped_likelihood` reads.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from lumpwatch.service.training.model_builder.learn import read, train
 from lumpwatch.service.training.model_builder.net import BodyNet
 from lumpwatch.service.training.model_builder.pictures import Task, make
 from lumpwatch.service.training.model_builder.ship import rounded, write
+from lumpwatch.service.training.model_builder.sites import site_scenes
 
 COMPOSITES, SIMULATED = 24, 10
 """Files of pictures."""
@@ -31,7 +33,7 @@ PICTURES = 500, 400
 """In each of them."""
 FIRST_SEEDS = 1000, 3000
 STEPS = 11_000
-HEAD_EVERY = 5
+HEAD_EVERY, SITES_EVERY = 4, 4
 """One in so many pictures teaches the score of boxes."""
 
 
@@ -44,7 +46,7 @@ def tasks(footage: Path, work: Path) -> Iterator[Task]:
             yield Task(footage, "train", kind, seed, many, work / f"{kind}-{seed}.npz")
 
 
-def build(footage: Path, work: Path, out: Path) -> None:
+def build(footage: Path, feeds: Path, work: Path, out: Path) -> None:
     """Pictures, net, score."""
     work.mkdir(parents=True, exist_ok=True)
     made = list(tasks(footage, work))
@@ -63,10 +65,10 @@ def build(footage: Path, work: Path, out: Path) -> None:
         torch.save(net.state_dict(), checkpoint)
     weights = rounded(net.arrays())
     maps = Net({key: value.astype(np.float32) for key, value in weights.items()})
-    write(out, weights, fit_head(files, maps, HEAD_EVERY))
+    write(out, weights, fit_head(files, site_scenes(feeds, SITES_EVERY), maps, HEAD_EVERY))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 4:
+    if len(sys.argv) != 5:
         sys.exit(__doc__)
     build(*(Path(one) for one in sys.argv[1:]))

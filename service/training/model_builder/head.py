@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import cv2
@@ -20,7 +20,7 @@ from lumpwatch.service.config import JdtConfig
 
 LUMP, DOUBTFUL = 0.97, 0.72
 """Longer side of a lump's box, and of that of a body that is neither lump nor ore, in units of the limit."""
-PATTERNS = 32
+PATTERNS = 64
 LEAST_LIMIT_PX = 22.0
 """In the middle row; smaller lumps are below what a region is set up for."""
 LEAST_LUMP_PX = 14.0
@@ -75,9 +75,11 @@ def births_of(mask: Image, limit: NDArray[np.float64] | None) -> PolygonBirths:
     return polygon_births(mask, around_limit(profile, limit), np.ones(1))
 
 
-def fit_head(files: Sequence[Path], maps: Maps, every: int = 1, patterns: int = PATTERNS) -> LumpFit:
-    """The score fitted to pictures, half of them as of a region with a limit."""
-    scenes: list[Scene] = []
+def fit_head(
+    files: Sequence[Path], sites: Iterable[Scene], maps: Maps, every: int = 1, patterns: int = PATTERNS
+) -> LumpFit:
+    """The score fitted to pictures, half of them as of a region with a limit, and to whole minutes of sites."""
+    scenes: list[Scene] = list(sites)
     for number, (item, limit, mask) in enumerate(labelled(files, every)):
         scenes.append(([item], births_of(mask, limit if number % 2 else None)))
     return fit_lump(scenes, np.random.default_rng(1), maps, patterns=patterns)

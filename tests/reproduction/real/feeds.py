@@ -46,6 +46,7 @@ class Site:
     look: str = "ore"
     away: bool = False
     options: tuple[float, ...] = ()
+    fps: float = FPS
 
     @property
     def name(self) -> str:
@@ -67,6 +68,8 @@ class Site:
         return {"site": self.name, "store": {"path": "var"}, "cameras": [camera]}
 
 
+TAUGHT = 72
+"""Sites that what ships is taught by."""
 KINDS = ["scroll", "composite", "calibrated", "quarry"]
 Maker = Callable[[Site, Role, Path, np.random.Generator, int], Strip]
 
@@ -129,7 +132,7 @@ def scene(site: Site, role: Role, data: Path, seconds: float = SECONDS) -> Scene
         site.limit,
         site.crossing_s,
         seconds,
-        FPS,
+        site.fps,
         site.air,
         around,
         site.seed * 10 + ROLES.index(role),
@@ -185,6 +188,8 @@ def surroundings(rng: np.random.Generator, bare: tuple[Image, ...], view: View) 
 
 def sites(split: Split) -> tuple[Site, ...]:
     """All sites of a split."""
+    if split == "train":
+        return tuple(_taught_site(number) for number in range(TAUGHT))
     return tuple(site for kind in KINDS if kind in MAKERS for site in SITES[kind](split))
 
 
@@ -308,6 +313,38 @@ def _quarry_sites(split: Split) -> tuple[Site, ...]:
             )
         )
     return tuple(found)
+
+
+def _taught_site(number: int) -> Site:
+    """A site of the split that teaches: any camera, light and rock, two frames a second."""
+    rng = np.random.default_rng([77, number])
+    kind = ("scroll", "composite", "quarry")[number % 3]
+    limit: tuple[float, float]
+    options: tuple[float, ...]
+    if kind == "scroll":
+        view, limit = _drawn(rng, int(rng.integers(470, 601)), 0.0, 44.0), (112.0, 126.0)
+        options = rng.uniform(0.8, 0.95), rng.uniform(1.5, 1.8), rng.uniform(260, 290)
+    elif kind == "composite":
+        view, limit = _drawn(rng, 440, 10.0, 50.0), (58.0, 96.0)
+        options = 1.0, 1.9, rng.uniform(60, 260), 0.5
+    else:
+        view, limit = _drawn(rng, 520, 15.0, 48.0), (92.0, 112.0)
+        options = 1.0, 1.7, 0.0, 0.5
+    side = float(rng.uniform(*limit))
+    air = _air(rng, bool(rng.random() < 0.5))
+    return Site(
+        kind,
+        100 + number,
+        "train",
+        view,
+        air,
+        side,
+        crossing_s=float(rng.uniform(5.0, 7.5)),
+        lumps=int(rng.integers(12, 21)),
+        look=str(rng.choice(["ore", "granite", "dark", "red", "pale"])),
+        options=tuple(map(float, options)),
+        fps=2.0,
+    )
 
 
 SITES: dict[str, Callable[[Split], tuple[Site, ...]]] = {
