@@ -21,7 +21,7 @@ from lumpwatch.models.likelihood.patterns import Patterns, no_patterns
 DEFAULT_LOOKS_PER_S = 12.0
 """Where nothing was learned: all of each frame counts at 12 frames a second, half of it at 24."""
 
-DEFAULT_MARGIN = 1.0
+DEFAULT_MARGIN = 0.5
 """Where nothing was learned. Training looks at minutes, a filter at months: in hours of ore there are stones that look
 more like a lump than any that training saw, and one of them lies there for as long as a lump would."""
 
