@@ -44,8 +44,10 @@ from lumpwatch.service.training.watching import Picture, watch
 
 MARGINS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0)
 """Margins that are tried, ascending."""
-FEW_LUMPS, MOST_WITH_FEW = 8, 2.0
-"""Fewer labelled lumps do not show what a margin above that costs."""
+MODEST = 2.0
+"""A larger margin must announce more or raise less: a minute full of lumps hardly shows the ones that it costs."""
+FEW_LUMPS, MOST_WITH_FEW = 8, MODEST
+"""With fewer labelled lumps larger margins are not tried."""
 LOOKS = (8.0, 18.0)
 """Looks a second that are tried beside the default."""
 TRIALS = len(MARGINS) + len(LOOKS)
@@ -109,8 +111,11 @@ def temper(roi: RoiConfig, footage: Footage, learned: Learned, advance: Callable
 
 
 def best(reached: dict[float, int]) -> float:
-    """The margin with the highest worth; among equals the largest."""
-    return max(reached, key=lambda margin: (reached[margin], margin))
+    """The margin with the highest worth; among equals the largest that is modest, else the smallest."""
+    most = max(reached.values())
+    equal = [margin for margin, worth in reached.items() if worth == most]
+    modest = [margin for margin in equal if margin <= MODEST]
+    return max(modest) if modest else min(equal)
 
 
 class Announced:
