@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from lumpwatch.service.core.logs import OneLine
 from lumpwatch.service.threads import use_one_thread
 
 # As commands and daemons do: BLAS reads it when it is loaded, and numba does not forgive a change once its threads run.
@@ -13,6 +16,17 @@ use_one_thread()
 # Examples are not timed: a machine that is busy, or a kernel that compiles, is no failure.
 settings.register_profile("lumpwatch", deadline=None)
 settings.load_profile("lumpwatch")
+
+
+@pytest.fixture(autouse=True)
+def log_of_its_own() -> Iterator[None]:
+    """A command that a test ran in this process logs to that test's standard error, which later ones do not have."""
+    yield
+    root = logging.getLogger()
+    for handler in [one for one in root.handlers if isinstance(one.formatter, OneLine)]:
+        root.removeHandler(handler)
+        root.setLevel(logging.WARNING)
+        logging.getLogger("lumpwatch").setLevel(logging.NOTSET)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import os
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from lumpwatch.service.runtime.report_reader import ReportReader
-from lumpwatch.service.telemetry import GRACE_S, STARTING, Relay, Report, Worker
+from lumpwatch.service.telemetry import GRACE_S, STARTING, Relay, Report, Worker, work
 
 log = logging.getLogger(__name__)
 
@@ -92,21 +90,10 @@ def spawn(task: Task) -> tuple[Process, Connection]:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     arguments = (task.target, *task.arguments, theirs)
-    process = context.Process(target=_work, args=arguments, name=task.name, daemon=True)
+    process = context.Process(target=work, args=arguments, name=task.name, daemon=True)
     process.start()
     theirs.close()
     return process, ours
-
-
-def _work(target: Worker, *arguments: Any) -> None:
-    """Runs in the process: ends it as soon as the work is done.
-
-    Taking the interpreter and its libraries apart takes seconds on a busy machine, and the time to stop is limited.
-    """
-    target(*arguments)
-    logging.shutdown()
-    sys.stdout.flush()
-    os._exit(0)
 
 
 @dataclass(slots=True)

@@ -2,7 +2,14 @@
 
 from lumpwatch.service.telemetry.camera import CameraMetrics
 from lumpwatch.service.telemetry.daemon import DaemonMetrics
-from lumpwatch.service.telemetry.daemon_connection import GRACE_S, STARTING, DaemonConnection, Report, Worker
+from lumpwatch.service.telemetry.daemon_connection import (
+    GRACE_S,
+    STARTING,
+    DaemonConnection,
+    Report,
+    Worker,
+    work,
+)
 from lumpwatch.service.telemetry.http import TelemetryServer
 from lumpwatch.service.telemetry.hub import HubMetrics
 from lumpwatch.service.telemetry.monitor import MonitorMetrics
@@ -28,4 +35,5 @@ __all__ = [
     "ShadowMetrics",
     "TelemetryServer",
     "Worker",
+    "work",
 ]

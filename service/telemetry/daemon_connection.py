@@ -7,13 +7,16 @@ whose daemon is gone stops by itself.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
+from typing import Any
 
 from prometheus_client import CollectorRegistry, generate_latest
 
@@ -131,3 +134,15 @@ class DaemonConnection:
 
 Worker = Callable[..., None]
 """What runs in a worker process: a function of picklable arguments and, last, the connection."""
+
+
+def work(target: Worker, *arguments: Any) -> None:
+    """Runs in the process: ends it as soon as the work is done.
+
+    Taking the interpreter and its libraries apart takes seconds on a busy machine, and the time to stop is limited.
+    Not with the supervisor: a process loads what it starts with, and only a monitor needs the filter.
+    """
+    target(*arguments)
+    logging.shutdown()
+    sys.stdout.flush()
+    os._exit(0)

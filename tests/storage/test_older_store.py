@@ -42,7 +42,7 @@ def test_a_prior_of_hand_made_features_is_refused_with_what_to_do(store: Path) -
     """The one format of 0.1 that is not read any more; docs/compatibility.md says so."""
     found = PriorStore(store, 10).current("cam", "lumps")
     assert found.prior is None
-    assert "was trained by a version without a net: train again" in found.problems[0]
+    assert "was trained by a version with other measures of a box: train again" in found.problems[0]
 
 
 def test_the_event_log_goes_on_where_it_was(store: Path) -> None:
