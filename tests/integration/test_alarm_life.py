@@ -181,6 +181,7 @@ def test_a_hub_that_is_killed_loses_no_alarm_and_blinds_the_region_meanwhile(tmp
         # A signal that reaches every process of the service is obeyed in order too.
         site.feed.bright = True
         site.wait_alarm("UNACKNOWLEDGED")
+        wait_for("the record is sent", lambda: not _unpublished(tmp_path), 20)
         site.killed = True
         code, seconds = site.daemon.stop(everyone=True)
         assert (code, seconds < 6.0) == (0, True)
