@@ -75,7 +75,7 @@ def test_no_worker_is_left_behind(tmp_path: Path, number: int) -> None:
         worker = int(marker.read_text())
         assert alive(worker)
         parent.send_signal(number)
-        parent.wait(30)
+        parent.wait(120)
         until(lambda: not alive(worker), 10.0)
     finally:
         parent.kill()
