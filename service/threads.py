@@ -1,4 +1,4 @@
-"""One thread a process for numerics.
+"""How many processors there are, and one thread a process for numerics.
 
 Pictures are small and many: threads of BLAS wait for each other longer than they work, and processes fight for the
 cores. The libraries read the environment when they are loaded, and processes that are started inherit it.
@@ -15,3 +15,8 @@ def use_one_thread() -> None:
     """Tell libraries that are not loaded yet, and processes that are started from now on; a user's own wish holds."""
     for name in _LIBRARIES:
         os.environ.setdefault(name, "1")
+
+
+def processor_count() -> int:
+    """Those that this process may run on, as far as the system tells."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

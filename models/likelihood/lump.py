@@ -229,11 +229,17 @@ def _cells(state, scale, rows, columns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
+def _sum(integral, box, k):  # type: ignore[no-untyped-def]
+    """What is summed under `k`, over a box of cells."""
+    x0, y0, x1, y1 = box
+    return integral[y1, x1, k] - integral[y0, x1, k] - integral[y1, x0, k] + integral[y0, x0, k]
+
+
+@njit(cache=True, error_model="numpy")
 def _looks(integral, box, out):  # type: ignore[no-untyped-def]
     """Area, body, edge and size of a box of cells."""
-    x0, y0, x1, y1 = box
     for k in range(SUMS):
-        out[k] = integral[y1, x1, k] - integral[y0, x1, k] - integral[y1, x0, k] + integral[y0, x0, k]
+        out[k] = _sum(integral, box, k)
 
 
 @njit(cache=True, error_model="numpy")
@@ -259,18 +265,15 @@ def _quarters(box):  # type: ignore[no-untyped-def]
 def _two_least(integral, boxes, k, otherwise):  # type: ignore[no-untyped-def]
     """The two least means of one map over boxes of cells; what lies outside the polygon by half is not asked."""
     least, second = np.inf, np.inf
-    for x0, y0, x1, y1 in boxes:
-        area = (
-            integral[y1, x1, AREA] - integral[y0, x1, AREA] - integral[y1, x0, AREA] + integral[y0, x0, AREA]
-        )
-        if area > 0.5 * (x1 - x0) * (y1 - y0):
-            total = integral[y1, x1, k] - integral[y0, x1, k] - integral[y1, x0, k] + integral[y0, x0, k]
-            value = total / area
+    for box in boxes:
+        area, cells = _sum(integral, box, AREA), (box[2] - box[0]) * (box[3] - box[1])
+        if area > 0.5 * cells:
+            value = _sum(integral, box, k) / area
             if value < least:
                 least, second = value, least
             elif value < second:
                 second = value
-    return min(least, 1.0) if least < np.inf else otherwise, second if second < np.inf else otherwise
+    return least if least < np.inf else otherwise, second if second < np.inf else otherwise
 
 
 @njit(cache=True, error_model="numpy")

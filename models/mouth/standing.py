@@ -146,7 +146,7 @@ class Standing:
             self._next[taken]
             + (look.shifted[shift[taken], taken] - self._next[taken]) / (looks + 1.0)[:, None]
         )
-        self._next[taken] = mixed / np.maximum(np.linalg.norm(mixed, axis=1, keepdims=True), 1e-6)
+        self._next[taken] = _of_length_one(mixed)
         self._looks[taken] = np.minimum(looks + 1.0, _AVERAGED)
 
     def _look(self, band: Band) -> tuple[Look, NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float32]]:
@@ -177,7 +177,7 @@ class Standing:
 
     def _follow(self, now: NDArray[np.float32], own: NDArray[np.bool_]) -> None:
         mixed = self._own[own] + np.float32(_FOLLOWS) * (now - self._own[own])
-        self._own[own] = mixed / np.maximum(np.linalg.norm(mixed, axis=1, keepdims=True), 1e-6)
+        self._own[own] = _of_length_one(mixed)
 
     def _learn(self, time_s: float, dt: float, *, learns: bool, settled: bool) -> None:
         if not self.swallows or not (learns or settled):
@@ -213,6 +213,10 @@ class Standing:
         self._before = arrays["before"].copy() if arrays["before"].shape == self._held.shape else None
         self._mean = arrays["mean"].copy() if arrays["mean"].size else None
         self.material = self._is_held & ~self._is_own
+
+
+def _of_length_one(windows: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(windows / np.maximum(np.linalg.norm(windows, axis=1, keepdims=True), 1e-6), np.float32)
 
 
 _ARRAYS = (

@@ -97,18 +97,25 @@ class CoverCounts:
 
     def add(self, mask: Image, boxes: NDArray[np.float64]) -> None:
         """Count the foreground mask (h, w) of a picture in its labelled boxes (n, 4): centre, width and height."""
-        for x, y, w, h in boxes:
-            (left, top), (right, bottom) = (
-                (round(max(x + side * CORE[0] * w / 2, 0)), round(max(y + side * CORE[1] * h / 2, 0)))
-                for side in (-1, 1)
-            )
-            self._there[top:bottom, left:right] += 1
-            self._seen[top:bottom, left:right] += mask[top:bottom, left:right] != 0
+        for box in boxes:
+            core = scaled_box(box, CORE)
+            self._there[core] += 1
+            self._seen[core] += mask[core] != 0
 
     def cover(self) -> Image | None:
         """The cover (h, w), 0 or 1; None where there is none."""
         found = (self._there >= LEAST_THERE) & (self._seen < MOST_SEEN * self._there)
         return found.astype(np.uint8) if found.any() else None
+
+
+def scaled_box(box: NDArray[np.float64], times: tuple[float, float]) -> tuple[slice, slice]:
+    """Rows and columns of a box (centre, width and height) that is so many times as wide and as high."""
+    x, y, w, h = box
+    (left, top), (right, bottom) = (
+        (round(max(x + side * times[0] * w / 2, 0)), round(max(y + side * times[1] * h / 2, 0)))
+        for side in (-1, 1)
+    )
+    return slice(top, bottom), slice(left, right)
 
 
 def _median_without(stack: Image, away: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -38,7 +38,7 @@ from lumpwatch.service.offline import (
     record_video,
     run_backtest,
     short_names,
-    task_of,
+    tasks_of,
     write_backtest,
 )
 from lumpwatch.service.runtime import check_priors
@@ -131,7 +131,7 @@ def backtest(arguments: argparse.Namespace) -> int:
     clips = archive(arguments.videos, arguments.labels, arguments.unlabelled_is_empty)
     finished = None if arguments.resume is None else finished_recordings(arguments.resume)
     if arguments.share is not None:
-        tasks = [task_of(setup, clip.video) for setup in setups for clip in clips]
+        tasks = tasks_of(setups, [clip.video for clip in clips])
         return _do_share(arguments, arguments.share, tasks, finished)
     _look_at(setups[0], clips)
     if arguments.out is not None:

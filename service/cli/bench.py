@@ -16,6 +16,7 @@ from lumpwatch.service.cli.options import Commands, add_command, add_json, add_s
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import PriorStore
+from lumpwatch.service.threads import processor_count
 
 NOT_MEASURED = (
     "memory (some 300 MB a camera), clips and stills of alarms, the console's pictures, priors in shadow, latency "
@@ -83,7 +84,7 @@ def _clip(camera: CameraConfig, arguments: argparse.Namespace, folder: Path, not
 
 
 def _tell(costs: dict[str, Cost], notes: list[str], *, as_json: bool) -> None:
-    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    processors = processor_count()
     load = os.getloadavg()[0]
     if load > _LOADED * processors:
         notes.append(

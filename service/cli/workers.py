@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
@@ -15,6 +14,7 @@ from pathlib import Path
 from lumpwatch.service.batch import ClusterWorkers, LocalWorkers, Progress, Share
 from lumpwatch.service.cli.common import progress
 from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.threads import processor_count
 
 log = logging.getLogger(__name__)
 
@@ -88,7 +88,7 @@ def wanted_workers(arguments: argparse.Namespace) -> int:
         raise ConfigError(f"--worker-mb {arguments.worker_mb}: expected {LEAST_MB} to {_MOST_MB}")
     wanted: int | None = arguments.workers
     if wanted is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return processor_count()
     if wanted < 1:
         raise ConfigError(f"--workers {wanted}: must be at least 1")
     return wanted

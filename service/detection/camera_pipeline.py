@@ -211,11 +211,10 @@ class CameraPipeline:
         """
         region = self._regions[roi_id]
         region.restore(snapshot)
+        self._pace.restore(snapshot.camera_pace)
         self._last_s, self._size = snapshot.last_capture_s, snapshot.size
         if self._size is not None:
             self._fit()
-        region.pace.restore(snapshot.pace)
-        self._pace.restore(snapshot.camera_pace)
 
     def prior(self, roi_id: str) -> Prior | None:
         """The prior that a ROI uses; None: the stated defaults."""

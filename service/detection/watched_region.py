@@ -206,6 +206,7 @@ class WatchedRegion:
         self.alarms.restore(snapshot.alarms)
         self.channel.restore(snapshot)
         self.sight.restore(snapshot.sight)
+        self.pace.restore(snapshot.pace)
 
     def _hear(self, others: Mapping[str, WatchedRegion], now_s: float) -> None:
         """What the plant and the region of the belt say of this frame."""
@@ -213,10 +214,9 @@ class WatchedRegion:
         if belt is None or belt.result is None:
             self.channel.hear(Heard(plant_runs=says))
             return
-        sees = belt.result.decision is not Decision.BLIND and belt.result.feed is not None
-        feed = belt.result.feed if sees and belt.result.feed is not None else FeedStatus()
+        seen = None if belt.result.decision is Decision.BLIND else belt.result.feed
         said = belt.plant.runs(now_s) if says is None else says
-        feed = replace(feed, plant=None, agrees=None, visible=None)
+        feed = replace(seen or FeedStatus(), plant=None, agrees=None, visible=None)
         self.channel.hear(Heard(feed, said, belt.result.detection))
 
     def _feed(self, now_s: float, *, seen: bool) -> FeedStatus | None:

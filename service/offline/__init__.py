@@ -9,7 +9,7 @@ from lumpwatch.service.offline.backtest.record import (
     Watch,
     finished_recordings,
     record_video,
-    task_of,
+    tasks_of,
 )
 from lumpwatch.service.offline.backtest.report import as_record as backtest_record
 from lumpwatch.service.offline.backtest.report import write_backtest
@@ -72,6 +72,6 @@ __all__ = [
     "run_replay",
     "shift_page",
     "short_names",
-    "task_of",
+    "tasks_of",
     "write_backtest",
 ]

@@ -19,7 +19,7 @@ from lumpwatch.models.evaluation import Tracks, evaluate, tracks_of
 from lumpwatch.models.learning import ForegroundChoice, Learned, TrackerFit
 from lumpwatch.models.roi import Image
 from lumpwatch.models.trackers.foreground import MixtureForeground, MixtureOptions, cleaned
-from lumpwatch.models.trackers.scene import CoverCounts, EmptyScene, learn_scene, show
+from lumpwatch.models.trackers.scene import CoverCounts, EmptyScene, learn_scene, scaled_box, show
 from lumpwatch.service.capture import read_frames
 from lumpwatch.service.config import CameraConfig, ImmPfConfig, JdtConfig, RoiConfig
 from lumpwatch.service.core import working_colour
@@ -136,15 +136,8 @@ def _pictures(
     for clip in clips:
         for picture, boxes in _working(camera, roi, clip, size, stride):
             occupied = np.zeros(picture.shape[:2], np.uint8)
-            for x, y, w, h in boxes:
-                (left, top), (right, bottom) = (
-                    (
-                        round(max(x + side * OCCUPIED * w / 2, 0)),
-                        round(max(y + side * OCCUPIED * h / 2, 0)),
-                    )
-                    for side in (-1, 1)
-                )
-                occupied[top:bottom, left:right] = 1
+            for box in boxes:
+                occupied[scaled_box(box, (OCCUPIED, OCCUPIED))] = 1
             yield picture, occupied
 
 

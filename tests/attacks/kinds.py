@@ -6,7 +6,6 @@ Any other exception is a finding and goes up.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import socket
 from collections.abc import Callable, Iterator, Mapping
@@ -21,6 +20,7 @@ from lumpwatch.service.core.plain_text import printable
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.protocol.requests import read_request
+from lumpwatch.service.storage.checksummed import seal
 from lumpwatch.service.storage.event_log import event_file
 from lumpwatch.service.storage.prior_file import decode_prior, encode_prior
 from tests.attacks.mutations import Random, mutated
@@ -107,8 +107,7 @@ def priors(_: Path) -> Iterator[Attack]:
 
     def attack(rng: Random) -> str:
         made = mutated(body, rng)
-        head = b"lumpwatch-prior 1 %s %d\n" % (hashlib.sha256(made).hexdigest().encode(), len(made))
-        return _judge(lambda: decode_prior(head + made, "x"))
+        return _judge(lambda: decode_prior(seal("prior", 1, made), "x"))
 
     yield attack
 

@@ -31,6 +31,7 @@ from lumpwatch.service.simulator import FeedSimulator, FeedSpec
 from tests.bus.test_bus_support import free_endpoint
 from tests.console.chromium import chromium
 from tests.integration.site import LUMPWATCH, wait_for
+from tests.memory import pss_kib
 
 VIEWERS, BROWSERS = 20, 2
 BASELINE_S, SAMPLE_S = 60.0, 15.0
@@ -89,9 +90,7 @@ class Viewer:
 def process(pid: int) -> tuple[float, float]:
     """Processor seconds so far, and MiB of memory (its proportional share of what it shares)."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    rollup = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
-    pss = next(int(line.split()[1]) for line in rollup if line.startswith("Pss:"))
-    return (int(fields[11]) + int(fields[12])) / 100, pss / 1024
+    return (int(fields[11]) + int(fields[12])) / 100, pss_kib(pid) / 1024
 
 
 def listener(port: int) -> int:

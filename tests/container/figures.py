@@ -17,6 +17,7 @@ from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.config import load_config
 from tests.container.engine import BASE, IMAGE, READY_S, Beats, Site, build, missing, podman
 from tests.integration.site import wait_for
+from tests.memory import pss_kib
 
 SETTLE_S = 60.0
 QUIET, BUSY = "sim:feed?lumps_per_minute=0", "sim:feed?lumps_per_minute=12"
@@ -38,8 +39,7 @@ def memory(site: Site) -> str:
     """Sum of PSS over the processes, and what the control group is charged."""
     pss = 0
     for pid in processes(site):
-        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
-        pss += next(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
+        pss += pss_kib(pid)
     usage = site.client.containers.get(site.container).stats(stream=False)["memory_stats"]["usage"]
     return (
         f"{pss / 1024:.0f} MiB PSS in {len(processes(site))} processes, {usage / 2**20:.0f} MiB control group"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import av
 import cv2
 import numpy as np
 import pytest
@@ -15,8 +14,7 @@ from lumpwatch.service.core import FeedState, FeedStatus, PlantFeed
 from lumpwatch.service.detection.feed_watch import FeedWatch
 from lumpwatch.service.detection.plant_signal import PlantSignal
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
-from tests.footage import footage_folder
-from tests.reproduction.real.cctv import BELTS
+from tests.detection.filmed_belts import filmed
 
 SETTLES_S = 1.0
 
@@ -198,17 +196,13 @@ def test_one_lump_in_fines_does_not_make_the_fines_a_bare_belt() -> None:
 def test_real_belts_that_run_are_not_said_to_be_empty_or_to_stand(
     belt: str, bare_below: float, right: FeedState
 ) -> None:
-    folder = footage_folder("belt-cctv", BELTS[belt].file)
-    if folder is None:
-        pytest.skip("needs the belts of belt-cctv (../shared/data/belt-cctv)")
-    with av.open(str(folder / BELTS[belt].file)) as container:
-        pictures = [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
+    pictures, polygon = filmed(belt)
     height, width = pictures[0].shape
-    roi = make_roi([(x / width, y / height) for x, y in BELTS[belt].quad], width, height, 320)
+    roi = make_roi(polygon, width, height, 320)
     watch = FeedWatch(FeedConfig(bare_below=bare_below), None, roi, (width, height))
     said = []
     for k, picture in enumerate(pictures):
-        watch.step(roi.cut(np.asarray(picture, np.uint8)), k / 24.0)
+        watch.step(roi.cut(picture), k / 24.0)
         said.append(watch.status.state)
     assert set(said[12:]) == {right}
     assert (watch.status.load is None) == (belt == "fines" and bare_below == 0.03)

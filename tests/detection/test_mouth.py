@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import av
 import numpy as np
 import pytest
 
@@ -33,9 +32,8 @@ from lumpwatch.service.detection.mouth_channel import MouthChannel
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.evidence import decode_state
 from lumpwatch.service.evidence.state_file import encode_state
-from tests.footage import footage_folder
+from tests.detection.filmed_belts import filmed
 from tests.models.test_mouth import HEIGHT, ORE, SPEED, STEP_S, WALL, WIDTH
-from tests.reproduction.real.cctv import BELTS
 from tests.service_helpers import prior, site
 
 WHOLE = [[0, 0], [1, 0], [1, 1], [0, 1]]
@@ -214,20 +212,15 @@ def test_a_mouth_that_is_too_small_for_its_windows_is_blind_and_says_so() -> Non
 
 @pytest.mark.parametrize("belt", ["limestone", "fines"])
 def test_a_real_belt_that_runs_is_no_blocked_mouth(belt: str) -> None:
-    folder = footage_folder("belt-cctv", BELTS[belt].file)
-    if folder is None:
-        pytest.skip("needs the belts of belt-cctv (../shared/data/belt-cctv)")
-    with av.open(str(folder / BELTS[belt].file)) as container:
-        pictures = [frame.to_ndarray(format="gray") for frame in container.decode(video=0)]
+    pictures, polygon = filmed(belt)
     height, width = pictures[0].shape
-    polygon = [[x / width, y / height] for x, y in BELTS[belt].quad]
     channel = MouthChannel(camera().rois[0].model_copy(update={"polygon": polygon}))
     channel.fit(width, height)
     channel.hear(Heard(FeedStatus(FeedState.RUNNING)))
     stood = []
     for k in range(60):  # the clip, again and again
         at = k * STEP_S
-        picture = np.asarray(pictures[round(24 * at) % len(pictures)], np.uint8)
+        picture = pictures[round(24 * at) % len(pictures)]
         channel.step(Frame(k, at, at, at, width, height, "gray8", picture))
         assert channel.blockage is not None
         stood.append(channel.blockage.stood_s)

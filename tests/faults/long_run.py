@@ -24,6 +24,7 @@ from statistics import median
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
 from tests.integration.site import Daemon, wait_for
+from tests.memory import pss_kib
 from tests.servers.process import RtspServer
 
 BACK_S = 60.0
@@ -138,8 +139,7 @@ class Look:
         memory = handles = threads = 0.0
         for process in processes:
             proc = Path("/proc") / str(process)
-            lines = (proc / "smaps_rollup").read_text().splitlines()
-            memory += next(float(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024
+            memory += pss_kib(process) / 1024
             handles += len(list((proc / "fd").iterdir()))
             threads += len(list((proc / "task").iterdir()))
         total = daemon.metric(f"{_LATENCY}_sum"), daemon.metric(f"{_LATENCY}_count")

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lumpwatch.service.batch import Progress
+from lumpwatch.service.batch import Progress, Task
 from lumpwatch.service.cli import main
 from lumpwatch.service.cli.demo import CAMERA, FEED, ROI, SEED, demo_config
 from lumpwatch.service.config import load_config
@@ -36,7 +36,7 @@ from lumpwatch.service.offline.backtest.record import (
     finished_recordings,
     record_frames,
     record_video,
-    task_of,
+    tasks_of,
 )
 from lumpwatch.service.offline.backtest.report import as_record, write_backtest
 from lumpwatch.service.offline.backtest.run import Backtest, run_backtest
@@ -223,6 +223,11 @@ def test_a_recording_is_kept_as_it_is(tmp_path: Path) -> None:
     assert (again.width, again.height, again.length, again.prior) == (WIDTH, HEIGHT, 25, 1)
     assert (again.boxes == made.boxes).all()
     assert len(again.boxes)
+
+
+def task_of(setup: Setup, video: Path) -> Task[Watch]:
+    (task,) = tasks_of((setup,), (video,))
+    return task
 
 
 def test_what_a_result_depends_on_changes_its_key(folder: Path, tmp_path: Path) -> None:

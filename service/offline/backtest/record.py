@@ -7,9 +7,9 @@ shape of `concurrent.futures` can do them, a pool on this machine or a cluster (
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -80,19 +80,34 @@ class Recording:
         return np.append(steps, np.median(steps) if len(steps) else 0.0)
 
 
-def task_of(setup: Setup, video: Path) -> Task[Watch]:
-    """The work with a name, its weight in bytes, and the key of all that its result depends on.
+def tasks_of(setups: Sequence[Setup], videos: Sequence[Path]) -> list[Task[Watch]]:
+    """Every configuration on every video: each with a name, its weight in bytes, and the key of all that its result
+    depends on.
 
     A video that cannot be looked at has no key; its task says why it fails.
     """
+    seen = [_looked_at(video) for video in videos]
+    tasks = []
+    for setup in setups:
+        prior = b"" if setup.prior is None else encode_prior(setup.prior) + str(setup.prior.version).encode()
+        camera = setup.camera.model_dump_json()
+        for video, found in zip(videos, seen, strict=True):
+            task = Task(str(video), Watch(setup, video))
+            if found is not None:
+                identity, size = found
+                key = key_of("backtest", camera, prior, str(video.name), identity)
+                task = replace(task, key=key, weight=float(max(size, 1)))
+            tasks.append(task)
+    return tasks
+
+
+def _looked_at(video: Path) -> tuple[str, int] | None:
+    """What tells it from others, and its bytes."""
     try:
-        identity = file_identity(video)
         size = sum(one.stat().st_size for one in (video.iterdir() if video.is_dir() else [video]))
+        return file_identity(video), size
     except OSError:
-        return Task(str(video), Watch(setup, video))
-    prior = b"" if setup.prior is None else encode_prior(setup.prior) + str(setup.prior.version).encode()
-    key = key_of("backtest", setup.camera.model_dump_json(), prior, str(video.name), identity)
-    return Task(str(video), Watch(setup, video), key, float(max(size, 1)))
+        return None
 
 
 def record_video(watch: Watch) -> Recording:

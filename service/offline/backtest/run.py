@@ -17,7 +17,7 @@ from lumpwatch.service.offline.backtest.curve import (
     curve,
     recommend,
 )
-from lumpwatch.service.offline.backtest.record import Recording, Setup, record_video, task_of
+from lumpwatch.service.offline.backtest.record import Recording, Setup, record_video, tasks_of
 from lumpwatch.service.offline.backtest.truth import truth_of
 from lumpwatch.service.storage import LabelError, check_frames
 
@@ -79,7 +79,7 @@ def run_backtest(
     The result does not depend on the executor. A video that fails under one configuration is left out
     of all, so that they stay comparable. Raises LumpwatchError where no video is left.
     """
-    tasks = [task_of(setup, clip.video) for setup in setups for clip in clips]
+    tasks = tasks_of(setups, [clip.video for clip in clips])
     done = run_tasks(tasks, record_video, executor, width, finished, told)
     table = [done[k * len(clips) : (k + 1) * len(clips)] for k in range(len(setups))]
     failures: list[str] = []
