@@ -18,7 +18,8 @@ from lumpwatch.service.batch.task import Failed, Task
 from tests.batch.work import die, die_once, fill
 
 PARENT = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell has what it runs behind it ignore it
 from lumpwatch.service.batch import LocalWorkers, Task, run_tasks
 from tests.batch.work import sleep
 if __name__ == "__main__":
