@@ -82,7 +82,7 @@ def test_a_shadow_is_counted_promoted_and_gone_back_from(tmp_path: Path) -> None
         assert site.follower.records(None) == []
         assert "version 2 no longer runs in shadow" in priors(site, "drop", *WHERE)
         runs(site, 1, 0)
-        assert told(site) == {}
+        wait_for("nothing more told", lambda: told(site) == {}, 30)
 
         # One that sees nothing, and the alarm comes all the same.
         store.save(SEES_NOTHING, shadow=True)
@@ -91,8 +91,11 @@ def test_a_shadow_is_counted_promoted_and_gone_back_from(tmp_path: Path) -> None
         site.feed.bright = True
         site.wait_alarm("UNACKNOWLEDGED")
         counts(site, "only_current", 1)
-        assert site.daemon.metric("lumpwatch_shadow_raised_alarms_total", side="only_current") == 1
-        (record,) = site.follower.records()
+        # What the bus has said already comes to the metrics and to the follower on ways of their own.
+        raised = "lumpwatch_shadow_raised_alarms_total"
+        wait_for("counted", lambda: site.daemon.metric(raised, side="only_current") >= 1, 30)
+        assert site.daemon.metric(raised, side="only_current") == 1
+        (record,) = wait_for("a record", site.follower.records, 30)
         assert record["data"]["prior"] == 1
         wait_for("kept", lambda: (kept := read_state(store, *OF)) and kept.only_current == 1, 30)
         text = priors(site, "shadow", *WHERE)
@@ -123,7 +126,7 @@ def test_a_shadow_is_counted_promoted_and_gone_back_from(tmp_path: Path) -> None
         runs(site, 1, 2)
         replace_file(store.folder(*OF) / "current", b"2\n")
         runs(site, 2, 0)
-        assert site.state()["prior"] == 2
+        wait_for("decided by version 2", lambda: site.state().get("prior") == 2, 30)
 
         # A damaged shadow is refused, counted, and nothing stands in.
         path = store.path(*OF, 3)

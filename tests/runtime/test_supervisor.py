@@ -93,16 +93,22 @@ def test_what_a_worker_says_last_is_heard(started: list[Site]) -> None:
 
 
 @pytest.mark.slow
-def test_a_worker_that_ends_is_started_again_and_its_counters_go_on(started: list[Site]) -> None:
-    site = Site(workers.passing)
+def test_a_worker_that_ends_is_started_again_and_its_counters_go_on(
+    started: list[Site], tmp_path: Path
+) -> None:
+    end = tmp_path / "end"
+    site = Site(workers.passing, str(end))
     started.append(site)
     site.until(lambda: site.total("worked_total") == 3.0)
+    end.touch()
     site.until(lambda: site.restarts)
     assert site.restarts == [("cam", "monitor", "exited")]
     assert site.total("level") is None
     assert site.report is None
-    site.until(lambda: site.total("worked_total") == 6.0)
+    site.until(lambda: site.state() == "running")
+    assert site.total("worked_total") == 6.0
     assert site.total("level") == 0.5
+    assert site.restarts == [("cam", "monitor", "exited")]
 
 
 @pytest.mark.slow
