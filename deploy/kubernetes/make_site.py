@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -29,6 +30,7 @@ _NOTE = "# Written by deploy/kubernetes/make_site.py from {list}; edit that."
 _NAME = r"[a-z0-9]([a-z0-9-]{0,40}[a-z0-9])?"
 _CIDR = r"[0-9a-f.:]+/[0-9]+"
 _SECRETS = "/run/secrets/bus"
+_TLS = {"ca": f"{_SECRETS}/ca.crt", "certificate": f"{_SECRETS}/tls.crt", "key": f"{_SECRETS}/tls.key"}
 
 
 class _Strict(BaseModel):
@@ -44,6 +46,27 @@ class Outside(_Strict):
     node_port: int | None = Field(default=None, ge=30000, le=32767)
 
 
+class Gateway(_Strict):
+    """Values and signals for the plant's control system: a pod of its own, with a certificate of its own."""
+
+    network: str = Field(pattern=_CIDR)
+    """Of the PLC: who may connect to Modbus TCP."""
+    kind: Literal["LoadBalancer", "NodePort"] = "LoadBalancer"
+    node_port: int | None = Field(default=None, ge=30000, le=32767)
+    broker: str | None = Field(default=None, pattern=_CIDR)
+    """Of the MQTT broker, where `more` has one."""
+    more: dict[str, Any] = Field(default_factory=dict)
+    """Other keys of the section `gateway` of `site.yaml`."""
+
+    @model_validator(mode="after")
+    def _reached(self) -> Self:
+        if "opcua" in self.more:
+            raise ValueError("opcua: the image does not hold its library")
+        if (self.broker is None) != ("mqtt" not in self.more):
+            raise ValueError("broker (a network) and more.mqtt belong together")
+        return self
+
+
 class Crusher(_Strict):
     """One camera, one workload."""
 
@@ -52,6 +75,7 @@ class Crusher(_Strict):
     camera: dict[str, Any]
     """As in `site.yaml`; its id names the workload."""
     outside: Outside | None = None
+    gateway: Gateway | None = None
     console: str | None = None
     """Name in the browser's address, where this workload has the page."""
     more: dict[str, Any] = Field(default_factory=dict)
@@ -100,6 +124,10 @@ def files_of(site: Site, place: Path) -> dict[Path, str]:
         config = _text(_config(site, crusher), note)
         parse_config(config, f"{place}: {crusher.name}", secrets=False)
         written[folder / "site.yaml"] = config
+        if crusher.gateway is not None:
+            beside = _text(_gateway_config(site, crusher, crusher.gateway), note)
+            parse_config(beside, f"{place}: {crusher.name}: gateway", secrets=False)
+            written[folder / "gateway.yaml"] = beside
         written[folder / "kustomization.yaml"] = _overlay(crusher, note, f"../{base}")
     return written
 
@@ -125,21 +153,36 @@ def _config(site: Site, crusher: Crusher) -> dict[str, Any]:
             "allow_http": True,
             "names": [crusher.console],
         }
-    return {
+    config = {
         "site": site.namespace,
         "telemetry": {"listen": "0.0.0.0:9464"},
-        "bus": {
-            "listen": ["tls/0.0.0.0:7447"],
-            "tls": {
-                "ca": f"{_SECRETS}/ca.crt",
-                "certificate": f"{_SECRETS}/tls.crt",
-                "key": f"{_SECRETS}/tls.key",
-            },
-        },
+        "bus": {"listen": ["tls/0.0.0.0:7447"], "tls": _TLS},
         "store": {"path": "/var/lib/lumpwatch"},
         **console,
         **crusher.more,
         "cameras": [crusher.camera],
+    }
+    if crusher.gateway is not None:
+        config["bus"] = _letting_in(config["bus"], f"gateway-{crusher.name}")
+    return config
+
+
+def _letting_in(bus: dict[str, Any], gateway: str) -> dict[str, Any]:
+    """The daemon's bus with the gateway among those that may acknowledge."""
+    access = bus.get("access") or {}
+    gateways = [*access.get("gateways", ()), *([] if gateway in access.get("gateways", ()) else [gateway])]
+    return {**bus, "access": {**access, "gateways": gateways}}
+
+
+def _gateway_config(site: Site, crusher: Crusher, gateway: Gateway) -> dict[str, Any]:
+    """What the gateway reads: the same regions, the way to the daemon's bus, and nothing that is secret."""
+    source = {"url": re.sub(r"//[^/@]*@", "//", str(crusher.camera.get("source", {}).get("url")))}
+    modbus = {"listen": "0.0.0.0:5020", "clients": [gateway.network], **gateway.more.get("modbus", {})}
+    return {
+        "site": site.namespace,
+        "bus": {"mode": "client", "connect": [f"tls/lumpwatch-{crusher.name}:7447"], "tls": _TLS},
+        "gateway": {**gateway.more, "modbus": modbus},
+        "cameras": [{**crusher.camera, "source": source}],
     }
 
 
@@ -169,7 +212,14 @@ def _overlay(crusher: Crusher, note: str, base: str) -> str:
         )
     if crusher.console is not None:
         parts.append(f"{base}/console")
-    patches.append({"target": {"kind": "NetworkPolicy"}, "patch": Block("\n".join(policy) + "\n")})
+    patches.append(
+        {"target": {"kind": "NetworkPolicy", "name": "lumpwatch"}, "patch": Block("\n".join(policy) + "\n")}
+    )
+    maps: list[dict[str, Any]] = [{"name": "lumpwatch", "behavior": "replace", "files": ["site.yaml"]}]
+    if crusher.gateway is not None:
+        parts.append(f"{base}/gateway")
+        maps.append({"name": "lumpwatch-gateway", "files": ["site.yaml=gateway.yaml"]})
+        patches += _gateway_patches(name, crusher.gateway)
     return _text(
         {
             "apiVersion": "kustomize.config.k8s.io/v1beta1",
@@ -178,11 +228,29 @@ def _overlay(crusher: Crusher, note: str, base: str) -> str:
             **({"components": parts} if parts else {}),
             "nameSuffix": f"-{name}",
             "labels": [{"pairs": {"lumpwatch.io/camera": name}, "includeSelectors": True}],
-            "configMapGenerator": [{"name": "lumpwatch", "behavior": "replace", "files": ["site.yaml"]}],
+            "configMapGenerator": maps,
             "patches": patches,
         },
         note,
     )
+
+
+def _gateway_patches(name: str, gateway: Gateway) -> list[dict[str, Any]]:
+    secret = (
+        f"- {{op: replace, path: /spec/template/spec/volumes/1/secret/secretName, value: gateway-{name}}}"
+    )
+    service = [f"- {{op: replace, path: /spec/type, value: {gateway.kind}}}"]
+    if gateway.node_port is not None:
+        service.append(f"- {{op: add, path: /spec/ports/0/nodePort, value: {gateway.node_port}}}")
+    policy = [f"- {{op: replace, path: /spec/ingress/0/from/0/ipBlock/cidr, value: {gateway.network}}}"]
+    if gateway.broker is not None:
+        port = str(gateway.more.get("mqtt", {}).get("broker", "")).rpartition(":")[2]
+        to = f"{{to: [{{ipBlock: {{cidr: {gateway.broker}}}}}], ports: [{{port: {port}, protocol: TCP}}]}}"
+        policy.append(f"- {{op: add, path: /spec/egress/-, value: {to}}}")
+    return [
+        {"target": {"kind": kind, "name": "lumpwatch-gateway"}, "patch": Block("\n".join(lines) + "\n")}
+        for kind, lines in (("Deployment", [secret]), ("Service", service), ("NetworkPolicy", policy))
+    ]
 
 
 def _top(site: Site, note: str, base: str) -> str:

@@ -238,6 +238,90 @@ def test_the_console_is_beside_one_daemon_with_its_store_and_reached_by_the_ingr
     assert config.console.users is not None
 
 
+def test_the_gateway_is_a_pod_of_its_own_with_its_certificate_and_let_in_from_the_plc_alone(
+    rendered: list[dict[str, Any]],
+) -> None:
+    if shutil.which("kubectl") is None:
+        pytest.skip("kubectl is not installed")
+    own = {one["kind"]: one for one in rendered if "gateway" in one["metadata"]["name"]}
+    assert own.keys() == {"ConfigMap", "Deployment", "Service", "NetworkPolicy"}
+    workload = own["Deployment"]["spec"]
+    assert workload["replicas"] == 1
+    assert workload["strategy"] == {"type": "Recreate"}  # never two heartbeats at one address
+    assert workload["selector"]["matchLabels"].items() <= workload["template"]["metadata"]["labels"].items()
+    pod = workload["template"]["spec"]
+    assert pod["securityContext"]["runAsNonRoot"] is True
+    assert pod["securityContext"]["runAsUser"] == USER
+    assert pod["automountServiceAccountToken"] is False
+    (container,) = pod["containers"]
+    assert container["args"] == ["gateway", str(CONFIG)]
+    assert container["image"] == "registry.example/lumpwatch:0.1.0"
+    assert container["securityContext"]["readOnlyRootFilesystem"] is True
+    assert {mount["name"] for mount in container["volumeMounts"]} == {one["name"] for one in pod["volumes"]}
+    volumes = {volume["name"]: volume for volume in pod["volumes"]}
+    assert volumes["bus"]["secret"]["secretName"] == "gateway-crusher-1"
+    assert "env" not in container  # it opens no camera
+    # What it reads: the daemon's regions, the daemon's service, and no secret.
+    assert volumes["config"]["configMap"]["name"] == own["ConfigMap"]["metadata"]["name"]
+    config = parse_config(own["ConfigMap"]["data"]["site.yaml"], "gateway", {})
+    services = {one["metadata"]["name"] for one in rendered if one["kind"] == "Service"}
+    (joins,) = config.bus.joined
+    assert joins.removeprefix("tls/").removesuffix(":7447") in services
+    assert config.gateway.modbus is not None
+    assert config.gateway.modbus.address[1] == container["ports"][0]["containerPort"]
+    daemon = parse_config(
+        (KUBERNETES / "example/crusher-1/site.yaml").read_text(), "site", {"CAM_PASSWORD": "x"}
+    )
+    assert [c.rois for c in config.cameras] == [c.rois for c in daemon.cameras]
+    assert daemon.bus.access is not None
+    assert daemon.bus.access.gateways == ("gateway-crusher-1",)
+    # Who may come, and where it may go.
+    policy = own["NetworkPolicy"]["spec"]
+    (rule,) = policy["ingress"]
+    assert rule["from"] == [{"ipBlock": {"cidr": str(config.gateway.modbus.clients[0])}}]
+    assert own["Service"]["spec"]["externalTrafficPolicy"] == "Local"
+    to = policy["egress"][1]["to"][0]["podSelector"]["matchLabels"]
+    (bus,) = [
+        one["metadata"]["name"]
+        for one in rendered
+        if one["kind"] == "StatefulSet"
+        and to.items() <= one["spec"]["template"]["metadata"]["labels"].items()
+    ]
+    assert bus == "lumpwatch-crusher-1"
+    assert workload["template"]["metadata"]["labels"]["lumpwatch.io/bus"] == "client"  # the daemon's policy
+
+
+def test_the_gateway_of_a_list_has_a_way_to_its_broker_and_keeps_who_is_let_in_already(
+    tmp_path: Path,
+) -> None:
+    listed = site_of("a")
+    bus = {"listen": ["tls/0.0.0.0:7447"], "tls": {"ca": "a", "certificate": "b", "key": "c"}}
+    listed["crushers"][0] |= {
+        "camera": CRUSHER["camera"] | {"source": {"url": "rtsp://u:${CAM_PASSWORD}@10.0.0.5/x"}},  # type: ignore[operator]
+        "more": {"bus": {**bus, "access": {"operators": ["room"], "gateways": ["other"]}}},
+        "gateway": {
+            "network": "10.30.0.0/16", "kind": "NodePort", "node_port": 30502, "broker": "10.0.0.9/32",
+            "more": {"mqtt": {"broker": "10.0.0.9:8883", "tls": {"ca": "ca.crt"}}},
+        },
+    }  # fmt: skip
+    place = tmp_path / "crushers.yaml"
+    place.write_text(json.dumps(listed))
+    write(place)
+    access = read(tmp_path / "a/site.yaml")["bus"]["access"]
+    assert access == {"operators": ["room"], "gateways": ["other", "gateway-a"]}
+    assert "CAM_PASSWORD" not in (tmp_path / "a/gateway.yaml").read_text()
+    patches = {
+        (one["target"]["kind"], one["target"].get("name")): YAML(typ="safe", pure=True).load(one["patch"])
+        for one in read(tmp_path / "a/kustomization.yaml")["patches"]
+    }
+    policy = patches["NetworkPolicy", "lumpwatch-gateway"]
+    assert policy[1]["value"] == {
+        "to": [{"ipBlock": {"cidr": "10.0.0.9/32"}}],
+        "ports": [{"port": 8883, "protocol": "TCP"}],
+    }
+    assert patches["Service", "lumpwatch-gateway"][1]["value"] == 30502
+
+
 def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None:
     if shutil.which("kubectl") is None:
         pytest.skip("kubectl is not installed")
@@ -257,9 +341,22 @@ def test_overlays_keep_the_cameras_apart(rendered: list[dict[str, Any]]) -> None
             assert volumes["config"]["configMap"]["name"] in maps
     assert secrets == {f"{what}-crusher-{n}" for what in ("camera", "bus") for n in (1, 2)}
 
+    pods |= {
+        one["metadata"]["name"]: one["spec"]["template"]["metadata"]["labels"]
+        for one in rendered
+        if one["kind"] == "Deployment"
+    }
+
     def chosen(selector: dict[str, str]) -> list[str]:
         return [name for name, labels in pods.items() if selector.items() <= labels.items()]
 
+    gateways = [one for one in rendered if "gateway" in one["metadata"]["name"]]
+    for one in gateways:
+        if one["kind"] in ("Service", "NetworkPolicy"):
+            spec = one["spec"]
+            selector = spec["selector"] if one["kind"] == "Service" else spec["podSelector"]["matchLabels"]
+            assert chosen(selector) == [one["metadata"]["name"]]
+    rendered = [one for one in rendered if one not in gateways]
     for one in rendered:
         spec = one.get("spec", {})
         if one["kind"] == "Service":
@@ -320,6 +417,9 @@ def test_a_site_is_written_from_its_list_and_follows_it(tmp_path: Path) -> None:
         ({"crushers": [{**CRUSHER, "network": "the yard"}]}, "crushers.0.network"),
         ({"crushers": [{**CRUSHER, "camera": {"id": "a"}}]}, "source"),
         ({"crushers": [{**CRUSHER, "outside": {"network": "10.0.0.0/8", "node_port": 80}}]}, "node_port"),
+        ({"crushers": [{**CRUSHER, "gateway": {"network": "the PLC"}}]}, "gateway.network"),
+        ({"crushers": [{**CRUSHER, "gateway": {"network": "10.0.0.7/32", "more": {"opcua": {}}}}]}, "opcua"),
+        ({"crushers": [{**CRUSHER, "gateway": {"network": "10.0.0.7/32", "broker": "10.0.0.9/32"}}]}, "mqtt"),
         ({"crushers": [{**CRUSHER, "more": {"bus": {"listen": ["tcp/0.0.0.0:7447"]}}}]}, "bus"),
     ],
 )
