@@ -127,13 +127,21 @@ class MouthWatch:
         stuck = standing or lump
         stood_s = 0.0
         if stuck:  # what counts as standing has stood for a moment already
-            # Nobody knows what a mouth full of dust does: no time counts, and none is lost.
-            counts = runs and (lump or self._cells.seen_share(time_s) >= self._limits.free_below)
+            counts = runs and (lump or self._seen_to_stand(time_s))
             stood_s = before.stood_s + dt * counts if before.stuck else SETTLES_S * runs
         known = before.known or self._cells.learned_s >= self._limits.learn_s
         sees = self._cells.sees or stuck or not (runs or not before.sees)
         self.state = MouthState(share, stood_s, standing, lump, known, self._cells.swallows, sees)
         return self.state
+
+    def _seen_to_stand(self, time_s: float) -> bool:
+        """Whether what stands is seen now.
+
+        Nobody knows what a mouth full of dust does: no time counts, and none is lost. And through dust more must be
+        seen to stand than to move.
+        """
+        seen = self._cells.seen_share(time_s)
+        return seen >= self._limits.free_below and (self._cells.clear or seen >= self._cells.moves)
 
     def _arrive(self, arrival: Arrival, time_s: float) -> None:
         came = self._came.setdefault(arrival.id, _Came(time_s, time_s, arrival.share))

@@ -25,6 +25,8 @@ _REACH = 2
 """How far a camera that shakes may move the picture, px."""
 _SHIFTS = [(y, x) for y in range(2 * _REACH + 1) for x in range(2 * _REACH + 1)]
 
+_LEAST_SQUARE = 1e-14
+"""Squared deviation that counts as none, grey levels."""
 _LEFT = 0.35
 """Share of the noise that the first blur leaves."""
 _LAPLACE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
@@ -55,12 +57,14 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """The windows of a picture, or of several averaged."""
+    """The windows of a picture, or of several averaged, each for every shift of the camera."""
 
-    shifted: NDArray[np.float32]
-    """Each for every shift of the camera, of mean 0 and length 1 (shifts, n, SIDE * SIDE)."""
-    deviation: NDArray[np.float32]
-    """Of each in its place, grey levels (n,)."""
+    raw: NDArray[np.float32]
+    """As they are cut (n, shifts, SIDE * SIDE)."""
+    mean: NDArray[np.float32]
+    """Of each (n, shifts)."""
+    length: NDArray[np.float32]
+    """Of each without its mean, never 0 (n, shifts)."""
 
     at_reach: ClassVar[NDArray[np.bool_]] = np.array(
         [max(abs(y - _REACH), abs(x - _REACH)) == _REACH for y, x in _SHIFTS]
@@ -68,9 +72,29 @@ class Look:
     """Which shifts are the largest (shifts,)."""
 
     @property
+    def deviation(self) -> NDArray[np.float32]:
+        """Of each in its place, grey levels (n,)."""
+        return np.asarray(self.length[:, len(_SHIFTS) // 2] / SIDE, np.float32)
+
+    @property
     def now(self) -> Windows:
         """In their places, of mean 0 and length 1."""
-        return self.shifted[len(self.shifted) // 2]
+        return self.moved(np.arange(len(self.raw)), len(_SHIFTS) // 2)
+
+    def moved(self, which: NDArray[np.intp], shift: NDArray[np.intp] | int) -> Windows:
+        """Some (k,) of the windows, moved by their shifts (k,), of mean 0 and length 1."""
+        plain = self.raw[which, shift] - self.mean[which, shift][:, None]
+        return np.asarray(plain / self.length[which, shift][:, None], np.float32)
+
+    def likeness(self, *of: Windows) -> list[tuple[NDArray[np.float32], NDArray[np.intp]]]:
+        """For each of `of`, windows of mean 0 and length 1: how well any shift shows the same (n,), and which shows it
+        best (n,).
+        """
+        # What is multiplied with a mean of 0 needs none taken off.
+        products = np.matmul(self.raw, np.stack(of, axis=2)) / self.length[..., None]
+        best = products.argmax(axis=1)
+        likely = np.take_along_axis(products, best[:, None], axis=1)[:, 0]
+        return [(likely[:, i], best[:, i]) for i in range(len(of))]
 
 
 class PatchGrid:
@@ -116,10 +140,13 @@ class PatchGrid:
 
     def take(self, band: NDArray[np.float32]) -> Look:
         """The windows of a band (h, w), one or the mean of several."""
-        shifted = np.stack([self._windows(band, y, x) for y, x in _SHIFTS])
-        length = np.sqrt(np.einsum("snk,snk->sn", shifted, shifted))
-        shifted /= np.maximum(length, 1e-6)[..., None]
-        return Look(shifted, length[len(_SHIFTS) // 2] / SIDE)
+        y, x = np.array(_SHIFTS).T
+        rows, columns = self._rows[:, None] + y, self._columns[:, None] + x
+        views = np.lib.stride_tricks.sliding_window_view(band, (SIDE, SIDE))
+        raw = views[rows, columns].reshape(len(self), len(_SHIFTS), SIDE * SIDE)
+        mean = _box(band)[rows, columns]
+        squares = _box(band * band)[rows, columns] - mean * mean
+        return Look(raw, mean, SIDE * np.sqrt(np.maximum(squares, _LEAST_SQUARE)))
 
     def _windows(self, band: cv2.typing.MatLike, y: int, x: int) -> Windows:
         """(n, SIDE * SIDE), of mean 0."""
@@ -142,11 +169,9 @@ def _spread(length: int) -> NDArray[np.intp]:
     return np.linspace(0, length - SIDE, count).round().astype(np.intp)
 
 
-def likeness(shifted: NDArray[np.float32], of: Windows) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """How well any shifted window shows the same as one of `of` (n,), and which shift shows it best (n,)."""
-    products = np.einsum("snk,nk->sn", shifted, of)
-    best = products.argmax(axis=0)
-    return products[best, np.arange(len(best))], best
+def _box(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Mean of the window that begins at each pixel (h, w); of no use where it does not fit."""
+    return np.asarray(cv2.boxFilter(picture, -1, (SIDE, SIDE), anchor=(0, 0)), np.float32)
 
 
 def noise_of(gray: NDArray[np.float32]) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.models.mouth.patches import SIDE, Band, Look, PatchGrid, Windows, likeness
+from lumpwatch.models.mouth.patches import SIDE, Band, Look, PatchGrid, Windows
 from lumpwatch.models.roi import Image
 
 SETTLES_S = 2.0
@@ -36,6 +36,8 @@ _FOLLOWS = 0.01
 """How much of the present picture is taken into that of the mouth itself with each look: its light changes."""
 _QUIETEST, _NOISE_S = 0.05, 10.0
 """The noise is what the quietest windows change by, the least over about this time: there some stand now and then."""
+_REPEATED = 0.3
+"""A picture that differs from the last by less than this share of its own noise is the last one."""
 _SWALLOWS = 0.05
 """Share of the windows that must change for the mouth to be seen to swallow."""
 _TELLS = 0.5
@@ -44,8 +46,8 @@ _QUIET, _MOST_LOOKS = 1.25, 4.0
 """Grey levels of noise from which on looks are averaged, as many as it is times that, and how many at most."""
 _COARSEST = 3.5
 """Noise of a coarse grain is at most so many times what it is told from one picture: more is movement."""
-_TELL, _TELLS_S = 0.15, 2.0
-"""Share of the windows that must show anything, over about this time, for the mouth to be seen at all."""
+_TELL, _CLEAR, _TELLS_S = 0.15, 0.7, 2.0
+"""Share of the windows that must show anything, over about this time, for the mouth to be seen at all, and clearly."""
 
 
 class Standing:
@@ -89,6 +91,16 @@ class Standing:
         return self._tells >= _TELL
 
     @property
+    def clear(self) -> bool:
+        """Whether most of the mouth shows more than noise."""
+        return self._tells >= _CLEAR
+
+    @property
+    def moves(self) -> float:
+        """Share of the mouth in which something moves, over about a second."""
+        return self._moves
+
+    @property
     def swallows(self) -> bool:
         """Whether material is seen to move in the mouth."""
         return self._moves >= _SWALLOWS
@@ -103,9 +115,9 @@ class Standing:
         self._measure_noise(band, dt)
         look, shows, textured, certain = self._look(band)
         least = np.maximum(_SAME * certain, _LEAST_SAME).astype(np.float32)
-        held, _ = likeness(look.shifted, self._held)
-        following, shift_next = likeness(look.shifted, self._next)
-        own, shift_own = likeness(look.shifted, self._own)
+        (held, _), (following, shift_next), (own, shift_own) = look.likeness(
+            self._held, self._next, self._own
+        )
         moving = textured & ~(self._is_held & (held >= least)) & (following < least)
         self._moves += min(dt, 1.0) * (float(self._grid.weight @ moving) - self._moves)
         self._tells += min(dt / _TELLS_S, 1.0) * (float(self._grid.weight @ textured) - self._tells)
@@ -132,7 +144,7 @@ class Standing:
         seen = same | settles
         self._is_own = np.where(seen, is_own, self._is_own & self._is_held)
         follows = is_own & (own >= least)
-        self._follow(look.shifted[shift_own[follows], np.flatnonzero(follows)], follows)
+        self._follow(look.moved(np.flatnonzero(follows), shift_own[follows]), follows)
         self._learn(time_s, dt, learns=learns, settled=settled)
         self.material = self._is_held & ~self._is_own
 
@@ -143,8 +155,7 @@ class Standing:
         taken = np.flatnonzero(same & ~look.at_reach[shift])
         looks = self._looks[taken]
         mixed = (
-            self._next[taken]
-            + (look.shifted[shift[taken], taken] - self._next[taken]) / (looks + 1.0)[:, None]
+            self._next[taken] + (look.moved(taken, shift[taken]) - self._next[taken]) / (looks + 1.0)[:, None]
         )
         self._next[taken] = _of_length_one(mixed)
         self._looks[taken] = np.minimum(looks + 1.0, _AVERAGED)
@@ -172,7 +183,10 @@ class Standing:
         """What is seen to change least is noise, whatever its grain."""
         if self._before is not None and dt > 0.0:
             least = float(np.quantile(band.changed(self._before), _QUIETEST))
-            self._noise = min(least, self._noise + dt / _NOISE_S * (least - self._noise))
+            if least < _REPEATED * band.noise:
+                return  # streams send the same picture twice at times, and that says nothing of the noise
+            slowly = self._noise + dt / _NOISE_S * (least - self._noise)
+            self._noise = min(least, slowly) if self._noise > 0.0 else least
         self._before = band.plain
 
     def _follow(self, now: NDArray[np.float32], own: NDArray[np.bool_]) -> None:

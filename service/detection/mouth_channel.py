@@ -42,6 +42,10 @@ from lumpwatch.service.storage import Prior
 _NEAR = 0.75
 """A lump is before the mouth where it is nearer to it than so many of its own longer sides."""
 _LIKELY = 0.5
+_REACHES_S = 30.0
+"""After an empty belt the first ore is at the mouth once something moves there, or after so long at the latest."""
+_STILL_S = 3.0
+"""By then what moved in the mouth before is no longer seen to move."""
 _NOTHING = Detection(existence=0.0, objects=())
 
 
@@ -77,6 +81,8 @@ class MouthChannel:
         # The delay counts while the feed runs only, so it is applied here.
         self._rules = config.alarm.blocked.model_copy(update={"on_delay_s": 0.0})
         self._runs = True
+        self._was_empty = False
+        self._fed_s: float | None = None
         self._arrivals: tuple[Arrival, ...] = ()
         self._watch: MouthWatch | None = None
         self._listener: ChannelListener = listener or Unobserved()
@@ -124,6 +130,7 @@ class MouthChannel:
     def hear(self, heard: Heard) -> None:
         """A feed that is not known counts as running: a blockage must not go unseen for that."""
         self.feed, lumps = heard.feed, heard.lumps
+        self._was_empty |= heard.feed.state is FeedState.EMPTY
         self._runs = heard.feed.state is FeedState.RUNNING or (
             heard.feed.state is FeedState.UNKNOWN and heard.plant_runs is not False
         )
@@ -164,7 +171,7 @@ class MouthChannel:
         self.pictures.observe(name, gray, time_s)
         observed = perf_counter()
         fit = may_learn and self._fit_now()
-        watch.step(gray, time_s, runs=self._runs, fit=fit, arrivals=self._arrivals)
+        watch.step(gray, time_s, runs=self._runs and self._reached(time_s), fit=fit, arrivals=self._arrivals)
         self.last_s, self.detection = time_s, _NOTHING
         self.pictures.filtered(name, _NOTHING, time_s)
         self._listener.stage("cut", name, cut - began)
@@ -195,10 +202,14 @@ class MouthChannel:
 
     def snapshot(self) -> Snapshot:
         """All that the next step depends on, but what is heard of the belt."""
+        kept = None
+        if self._watch is not None:
+            plain, arrays = self._watch.snapshot()
+            kept = FilterState({**plain, "was_empty": self._was_empty, "fed_s": self._fed_s}, arrays)
         return Snapshot(
             last_capture_s=self.last_s,
             size=self.size,
-            filter=None if self._watch is None else FilterState(*self._watch.snapshot()),
+            filter=kept,
             sizes={},
             alarms={AlarmClass.BLOCKED: self.alarm},
             prior=None,
@@ -214,9 +225,24 @@ class MouthChannel:
         if snapshot.filter is None:
             return
         try:
-            self._fitted()[0].restore(snapshot.filter.plain, snapshot.filter.arrays)
+            plain = snapshot.filter.plain
+            self._fitted()[0].restore(plain, snapshot.filter.arrays)
+            self._was_empty, self._fed_s = bool(plain.get("was_empty")), plain.get("fed_s")
         except (KeyError, TypeError, ValueError) as error:
             raise StateMismatchError(f"the stored state is not one of this mouth ({error})") from error
+
+    def _reached(self, time_s: float) -> bool:
+        """Whether ore is at the mouth again: after the belt was empty it runs for a while with nothing at its end, and
+        what an empty mouth shows then is its walls.
+        """
+        if not self._was_empty or not self._runs:
+            self._fed_s = None
+            return not self._was_empty
+        self._fed_s = time_s if self._fed_s is None else self._fed_s
+        fed_s = time_s - self._fed_s
+        moves = self._watch is not None and self._watch.state.swallows
+        self._was_empty = not ((moves and fed_s >= _STILL_S) or fed_s >= _REACHES_S)
+        return not self._was_empty
 
     def _fitted(self) -> tuple[MouthWatch, Roi]:
         if self._watch is None or self.geometry is None:

@@ -170,6 +170,48 @@ def test_the_feed_of_the_belt_and_the_plant_decide_whether_time_counts() -> None
     assert counts == [True, True, False, False, True, True, False]
 
 
+class Emptied:
+    """A mouth of which the belt says what the feed does; its wall is seen where nothing lies in it."""
+
+    def __init__(self) -> None:
+        self.channel, self.rng = MouthChannel(camera().rois[0]), np.random.default_rng(3)
+        self.channel.fit(WIDTH, HEIGHT)
+        self.seq, self.moved = 0, 0.0
+        self.raised_s: list[float] = []
+
+    def look(self, seconds: float, feed: FeedState, speed: float | None) -> None:
+        """`speed` of the ore, px/s; None: an empty mouth."""
+        for _ in range(round(seconds / STEP_S)):
+            self.moved += (speed or 0.0) * STEP_S
+            shown = WALL if speed is None else ORE[(np.arange(HEIGHT) - round(self.moved)) % len(ORE)]
+            data = np.asarray(np.clip(shown + self.rng.normal(0, 1.5, shown.shape), 0, 255), np.uint8)
+            at = self.seq * STEP_S
+            self.channel.hear(Heard(FeedStatus(feed)))
+            told = self.channel.step(Frame(self.seq, at, at, at, WIDTH, HEIGHT, "gray8", data))
+            self.seq += 1
+            if told is not None and told.change is Change.RAISED:
+                self.raised_s.append(at)
+
+
+def test_walls_of_an_empty_mouth_are_no_blockage_before_ore_comes_again() -> None:
+    mouth = Emptied()
+    mouth.look(10.0, FeedState.RUNNING, SPEED)
+    mouth.look(8.0, FeedState.EMPTY, None)
+    mouth.look(14.0, FeedState.RUNNING, None)  # ore rides on the belt, and is not at its end yet
+    mouth.look(6.0, FeedState.RUNNING, SPEED)
+    assert not mouth.raised_s
+    mouth.look(12.0, FeedState.RUNNING, 0.0)
+    assert [7.5 <= at - 38.0 <= 10.0 for at in mouth.raised_s] == [True]
+
+
+def test_a_mouth_in_which_nothing_moves_at_all_after_an_empty_belt_is_announced_in_the_end() -> None:
+    mouth = Emptied()
+    mouth.look(10.0, FeedState.RUNNING, SPEED)
+    mouth.look(8.0, FeedState.EMPTY, 0.0)
+    mouth.look(42.0, FeedState.RUNNING, 0.0)
+    assert [36.0 <= at - 18.0 <= 41.0 for at in mouth.raised_s] == [True]
+
+
 @pytest.mark.parametrize(("waited", "came"), [(True, True), (True, False), (False, True)])
 def test_a_lump_that_was_followed_into_the_mouth_and_stands_there(waited: bool, came: bool) -> None:
     config = camera(lumps=waited).rois[0]

@@ -23,8 +23,10 @@ class Peer:
 
     def __init__(self, name: str, moving: Callable[[Image], float], limit: float | None) -> None:
         self.name, self._moving, self._limit = name, moving, limit
-        self._still_s, self._last_s, self._active = 0.0, 0.0, False
+        self._still_s, self._last_s = 0.0, 0.0
         self._smooth = 1.0
+        self.active = False
+        """Whether it calls the mouth blocked."""
         self.raises = False
         """Whether it raised its alarm with the last picture."""
 
@@ -36,11 +38,11 @@ class Peer:
         if self._limit is None:
             return self._smooth
         if self._smooth >= self._limit:
-            self._still_s, self._active = 0.0, False
+            self._still_s, self.active = 0.0, False
         elif runs:
             self._still_s += dt
-            self.raises = self._still_s >= DELAY_S and not self._active
-            self._active |= self.raises
+            self.raises = self._still_s >= DELAY_S and not self.active
+            self.active |= self.raises
         return self._smooth
 
 

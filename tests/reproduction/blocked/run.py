@@ -10,7 +10,15 @@ import numpy as np
 from lumpwatch.models.roi import Image, Roi
 from lumpwatch.models.state import Belief
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import AlarmClass, Change, DetectedObject, Detection, FeedState, Frame
+from lumpwatch.service.core import (
+    AlarmClass,
+    BlindReason,
+    Change,
+    DetectedObject,
+    Detection,
+    FeedState,
+    Frame,
+)
 from lumpwatch.service.detection import CameraPipeline
 from lumpwatch.service.simulator import FeedSimulator, FeedSpec
 from tests.reproduction.blocked.peers import Peer, peers
@@ -55,6 +63,10 @@ class Run:
     """For how long the feed ran in each of them."""
     raised: dict[str, list[float]] = field(default_factory=dict)
     """Of each method, when it raised its alarm."""
+    said: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    """Of each method, from when to when it called the mouth blocked."""
+    known_s: float = 0.0
+    """From when on the mouth was known; until then its region is BLIND, and says so."""
     blind_s: float = 0.0
     moving: dict[str, list[tuple[float, bool]]] = field(default_factory=dict)
     """Of each peer: how much moved, and whether the mouth was blocked; for tuning."""
@@ -65,12 +77,37 @@ class Run:
 
 
 def camera_of(feed: FeedSimulator) -> CameraConfig:
-    """A belt and its mouth, with the default keys."""
+    """A belt and its mouth, with the default keys.
+
+    But for one that costs a third of the time: whether what is followed on the belt stands there is not asked, since
+    what is followed here are lumps.
+    """
     rois = [
         {"id": "apron", "polygon": feed.belt_polygon, "alarm": {"on_delay_s": 0.0}},
         {"id": "mouth", "watch": "mouth", "polygon": feed.mouth_polygon, "mouth": {"belt": "apron"}},
     ]
-    return CameraConfig.model_validate({"id": "cam", "source": {"url": "sim:feed"}, "rois": rois})
+    quality = {"hidden": {"standing": False}}
+    return CameraConfig.model_validate(
+        {"id": "cam", "source": {"url": "sim:feed"}, "rois": rois, "quality": quality}
+    )
+
+
+class _Says:
+    """When one method calls the mouth blocked."""
+
+    def __init__(self, found: Run, name: str) -> None:
+        self._raised = found.raised.setdefault(name, [])
+        self._said = found.said.setdefault(name, [])
+        self._since: float | None = None
+
+    def step(self, t: float, *, raises: bool, blocked: bool) -> None:
+        if raises:
+            self._raised.append(t)
+        if blocked and self._since is None:
+            self._since = t
+        if not blocked and self._since is not None:
+            self._said.append((self._since, t))
+            self._since = None
 
 
 def run(spec: FeedSpec, seconds: float, limits: dict[str, float] | None = None) -> Run:
@@ -84,7 +121,8 @@ def run(spec: FeedSpec, seconds: float, limits: dict[str, float] | None = None) 
 
     pipeline = CameraPipeline(camera_of(feed), make=make)
     others = peers(feed.mouth_polygon, spec.width, spec.height, limits)
-    found = Run(seconds, raised={"lumpwatch": [], **{peer.name: [] for peer in others}})
+    found = Run(seconds)
+    says = {name: _Says(found, name) for name in ("lumpwatch", *(peer.name for peer in others))}
     for peer in others:
         found.moving[peer.name] = []
     since: float | None = None
@@ -100,11 +138,13 @@ def run(spec: FeedSpec, seconds: float, limits: dict[str, float] | None = None) 
             made[-1].now = Detection(0.99 if lumps else 0.0, lumps)
         results = {one.roi: one for one in pipeline.process(_frame(k, t, picture, spec), t)}
         mouth = results["mouth"]
-        found.raised["lumpwatch"] += [
-            t
+        raises = any(
+            change.alarm_class is AlarmClass.BLOCKED and change.transition.change is Change.RAISED
             for change in mouth.changes
-            if change.alarm_class is AlarmClass.BLOCKED and change.transition.change is Change.RAISED
-        ]
+        )
+        says["lumpwatch"].step(t, raises=raises, blocked=mouth.alarms[AlarmClass.BLOCKED].active)
+        if mouth.reason is BlindReason.STARTING:
+            found.known_s = t + 1.0 / spec.fps
         found.blind_s += (mouth.reason is not None) / spec.fps
         state = mouth.feed.state if mouth.feed is not None else FeedState.UNKNOWN
         runs = state in (FeedState.RUNNING, FeedState.UNKNOWN)
@@ -112,8 +152,9 @@ def run(spec: FeedSpec, seconds: float, limits: dict[str, float] | None = None) 
         for peer in others:
             moving = peer.step(picture, t, runs=runs)
             found.moving[peer.name].append((moving, since is not None))
-            if peer.raises:
-                found.raised[peer.name].append(t)
+            says[peer.name].step(t, raises=peer.raises, blocked=peer.active)
+    for one in says.values():
+        one.step(seconds, raises=False, blocked=False)
     if since is not None:
         found.blocked.append((since, seconds))
     return found
