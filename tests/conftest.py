@@ -1,16 +1,21 @@
 from __future__ import annotations
 
 import logging
+import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-from lumpwatch.service.core.logs import OneLine
 from lumpwatch.service.threads import use_one_thread
 
 # As commands and daemons do: BLAS reads it when it is loaded, and numba does not forgive a change once its threads run.
+# Whatever loads NumPy is imported later, within functions: with threads a product of small matrices takes 300 times as
+# long on a busy machine.
+if "numpy" in sys.modules and "OPENBLAS_NUM_THREADS" not in os.environ:
+    raise RuntimeError("NumPy was loaded before it could be told to use one thread")
 use_one_thread()
 
 # Examples are not timed: a machine that is busy, or a kernel that compiles, is no failure.
@@ -22,6 +27,8 @@ settings.load_profile("lumpwatch")
 def log_of_its_own() -> Iterator[None]:
     """A command that a test ran in this process logs to that test's standard error, which later ones do not have."""
     yield
+    from lumpwatch.service.core.logs import OneLine
+
     root = logging.getLogger()
     for handler in [one for one in root.handlers if isinstance(one.formatter, OneLine)]:
         root.removeHandler(handler)
