@@ -77,7 +77,7 @@ def test_no_worker_is_left_behind(tmp_path: Path, number: int) -> None:
         assert alive(worker)
         parent.send_signal(number)
         parent.wait(120)
-        until(lambda: not alive(worker), 10.0)
+        until(lambda: not alive(worker), 30.0)
     finally:
         parent.kill()
         parent.wait()

@@ -215,7 +215,7 @@ def test_logins_are_throttled_and_the_right_password_does_not_help_at_once(conso
     found = [client.log_in("mallory", "wrong password") for _ in range(6)]
     assert found == [401] * 5 + [429]
     assert client.log_in("mallory", PASSWORD) == 429
-    eventually(lambda: Client(console.url).log_in("otto", PASSWORD) == 303, 10.0)
+    eventually(lambda: Client(console.url).log_in("otto", PASSWORD) == 303, 30.0)
 
 
 def test_who_is_removed_is_out_at_once(console: Console) -> None:
@@ -243,7 +243,7 @@ def test_pictures_come_with_what_was_decided_of_that_frame(console: Console) -> 
         found.append((status, headers))
         return status == 200 and bool(json.loads(headers["x-lumpwatch-frame"])["states"])
 
-    eventually(decided, 10.0)
+    eventually(decided, 30.0)
     about = json.loads(found[-1][1]["x-lumpwatch-frame"])
     assert about["size"] == [160, 120]
     assert about["states"]["apron"]["state"] in ("CLEAR", "LUMP")

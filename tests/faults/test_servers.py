@@ -122,7 +122,7 @@ def test_the_server_comes_back_with_another_resolution(site: Site, record: Recor
         site.server = RtspServer(site.large, port)
 
     course = run_fault(site, "rtsp", site.server.kill, end=again)
-    wait_for("counted", lambda: counted() == 1, 10)
+    wait_for("counted", lambda: counted() == 1, 30)
     frame = site.outside.records["rtsp"][-1]["data"]["objects"]
     assert not frame or frame[0]["x"] < 2 * WIDTH
     record(

@@ -382,7 +382,7 @@ def test_the_bus_goes_and_comes(live: tuple[Plant, Gateway], client: ModbusTcpCl
     plant, _ = live
     eventually(lambda: register(client, QUALITY) == 192)
     plant.hub.close()
-    eventually(lambda: register(client, QUALITY) == 0, 5.0)
+    eventually(lambda: register(client, QUALITY) == 0, 30.0)
     stands = register(client, BEAT)
     assert register(client, ALARM) == NOT_AVAILABLE_16
     plant.open()

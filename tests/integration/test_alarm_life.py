@@ -142,7 +142,8 @@ def test_a_monitor_that_is_killed_goes_on_with_its_alarms(tmp_path: Path) -> Non
 
         # Who comes only now sees what happened before the restarts, as it was.
         with AlarmFollower(site.daemon.config, tmp_path / "late.log") as late:
-            wait_for("late joiner", lambda: len(late.records(None)) == 3, 30)
+            wait_for("late joiner", lambda: len(late.records(None)) >= 3, 30)
+            site.changes(3)
             assert late.records(None) == site.follower.records(None)
 
         # Over four lives of the monitor: one record each, in order, on the bus and in the log.
@@ -199,19 +200,19 @@ def test_decisions_that_come_too_late_are_an_alarm_of_their_own(tmp_path: Path) 
         assert (raised["change"], raised["reason"], raised["priority"]) == ("raised", "latency", "medium")
         assert raised["latency"]["receive_s"] == pytest.approx(0.6, abs=1e-3)
         assert raised["latency"]["total_s"] > raised["latency"]["budget_s"] == 0.5
-        assert site.daemon.metric("lumpwatch_latency_budget_ratio") > 1.0
+        wait_for("told in metrics", lambda: site.daemon.metric("lumpwatch_latency_budget_ratio") > 1.0, 30)
         assert site.state()["state"] == "CLEAR"
         assert "shelved" in site.command(
             "shelve", *TARGET, "--class", "system", "--for", "5m", "--reason", "x"
         )
-        assert site.state()["alarms"]["system"] == "SHELVED"
+        wait_for("shelved", lambda: site.state()["alarms"]["system"] == "SHELVED", 30)
         site.command("unshelve", *TARGET, "--class", "system")
         assert "acknowledged" in site.command("ack", *TARGET, "--class", "system")
         site.feed.late_s = 0.0
         wait_for("in time again", lambda: site.level()["system"] == 0, 30)
         # The page of metrics is told twice a second.
         wait_for(
-            "inactive", lambda: site.daemon.metric("lumpwatch_alarm_active", **{"class": "system"}) == 0, 10
+            "inactive", lambda: site.daemon.metric("lumpwatch_alarm_active", **{"class": "system"}) == 0, 30
         )
         told = [(one["change"], one["reason"]) for one in site.events() if one["class"] == "system"]
         assert told[0] == ("raised", "latency")
@@ -229,7 +230,7 @@ def test_a_record_that_was_written_but_not_sent_comes_after_the_restart(tmp_path
         assert site.changes(1) == [(7, "raised", "UNACKNOWLEDGED")]
         assert (site.state()["alarm"], site.state()["sequence"]) == ("UNACKNOWLEDGED", 7)
         # It is marked as sent a moment after it left: killed in between, it would come twice under one id.
-        wait_for("marked", lambda: not _unpublished(tmp_path), 10)
+        wait_for("marked", lambda: not _unpublished(tmp_path), 30)
         site.kill_monitor()
         site.command("ack", *TARGET)
         assert site.changes(2) == [(7, "raised", "UNACKNOWLEDGED"), (8, "acknowledged", "ACKNOWLEDGED")]
@@ -257,10 +258,11 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         wait_for(
             "shelved in metrics",
             lambda: site.daemon.metric("lumpwatch_alarm_shelved", **{"class": "lump"}) == 1,
-            10,
+            30,
         )
-        written = site.state()["sequence"]
-        wait_for("counted", lambda: site.daemon.metric("lumpwatch_events_written_total") == written, 10)
+        written = first + 2
+        wait_for("counted", lambda: site.daemon.metric("lumpwatch_events_written_total") >= written, 30)
+        assert site.daemon.metric("lumpwatch_events_written_total") == written == site.state()["sequence"]
         assert "unshelved, raised, now UNACKNOWLEDGED" in site.command("unshelve", *TARGET)
         assert "acknowledged, now ACKNOWLEDGED" in site.command("ack", *TARGET)
         assert "nothing to do, now ACKNOWLEDGED" in site.command("ack", *TARGET)
@@ -283,7 +285,7 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
             wait_for(
                 "counted",
                 lambda: site.daemon.metric("lumpwatch_commands_refused_total", command="suppress") == 1,
-                10,
+                30,
             )
         (reply,) = site.bus.ask(
             KEYS.command("cam", "apron", "suppress"), {"signal": "feeder", "valid_s": "60"}
@@ -299,7 +301,7 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         # It cannot see, for the same frame comes again and again: an alarm of its own class.
         site.feed.frozen = True
         site.wait_alarm("UNACKNOWLEDGED", of="blind_alarm")
-        assert site.level()["blind"] == 1
+        wait_for("level of the same", lambda: site.level()["blind"] == 1, 30)
         assert "acknowledged, now ACKNOWLEDGED" in site.command("ack", *TARGET, "--class", "blind")
         assert "nothing to do, now ACKNOWLEDGED" in site.command("reset", *TARGET, "--class", "blind")
         site.feed.frozen = False
@@ -331,6 +333,7 @@ def test_operators_and_the_plant_hold_alarms_back(tmp_path: Path) -> None:
         assert [one["sequence"] for one in events] == list(range(1, len(events) + 1))
         blind_changes = [(one["change"], one["reason"]) for one in events if one["class"] == "blind"]
         assert blind_changes[-4:-1] == [("raised", "no_stream"), ("acknowledged", None), ("cleared", None)]
+        wait_for("the follower has all", lambda: len(site.follower.records(None)) >= len(events), 30)
         records = site.follower.records(None)
         assert {one["id"] for one in records} == {one["id"] for one in events}
         assert len(records) == len(events)

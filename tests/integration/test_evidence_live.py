@@ -31,8 +31,13 @@ def raise_alarm(site: Site, number: int) -> dict[str, Any]:
     ask(site, KEYS.command("cam", "apron", "ack"), {"actor": "Ada"})
     site.feed.bright = False
     site.wait_alarm("NORMAL")
-    raised = [one for one in site.follower.records() if one["data"]["change"] == "raised"]
-    return dict(raised[number - 1])
+
+    def raised() -> list[dict[str, Any]]:
+        """The follower is a process of its own and may lag behind."""
+        found = [one for one in site.follower.records() if one["data"]["change"] == "raised"]
+        return found[number - 1 :]
+
+    return dict(wait_for("the record", raised, 30)[0])
 
 
 def test_from_the_alarm_to_the_report(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_alarm_over_rtsp(tmp_path: Path, feed_clip: Path, polygon: str) -> None:
         assert imported.returncode == 0, imported.stderr
         with daemon, AlarmFollower(daemon.config, tmp_path / "alarms.log") as follower:
             wait_for("ready", lambda: daemon.ready, 60)
-            assert daemon.metric("lumpwatch_prior_version") == 1
+            wait_for("prior in metrics", lambda: daemon.metric("lumpwatch_prior_version") == 1, 30)
             record = wait_for("alarm", follower.records, 60)[0]
             assert record["type"] == "io.lumpwatch.alarm.raised.v1"
             assert record["data"]["existence"] > 0.9
@@ -68,10 +68,14 @@ def test_a_dead_camera_and_killed_workers_do_not_touch_the_other_camera(
         wait_for("good camera decides", lambda: frames() > 30, 60)
         assert daemon.get("/readyz")[0] == 503
         assert "dead/apron" in daemon.get("/readyz")[1]
-        before, began = frames(), time.monotonic()
-        time.sleep(3)
-        rate = (frames() - before) / (time.monotonic() - began)
-        assert rate > 10  # of 15
+
+        def in_pace() -> bool:
+            before, began = frames(), time.monotonic()
+            time.sleep(3)
+            return (frames() - before) / (time.monotonic() - began) > 10  # of 15
+
+        # A machine that is busy with something else for a moment is no failure.
+        wait_for("good camera decides at its pace", in_pace, 60)
 
         for role in ("camera", "monitor"):
             pids = daemon.children()[role]
@@ -106,7 +110,7 @@ def test_a_daemon_whose_parent_is_killed_leaves_no_worker(
         assert daemon.process is not None
         daemon.process.kill()
         daemon.process.wait()
-        wait_for("workers gone", lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 10)
+        wait_for("workers gone", lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 30)
 
 
 def test_camera_and_monitor_of_two_daemons_share_only_the_bus(
@@ -127,12 +131,12 @@ def test_camera_and_monitor_of_two_daemons_share_only_the_bus(
         assert far.process.poll() is None
         with hub:
             wait_for("far monitor decides", lambda: far.ready, 60)
-            assert hub.metric("lumpwatch_frames_received_total") > 0
+            wait_for("hub counts", lambda: hub.metric("lumpwatch_frames_received_total") > 0, 30)
             assert hub.metric("lumpwatch_frames_processed_total") == 0
             assert hub.get("/readyz")[0] == 200  # no region is its own
-            assert far.metric("lumpwatch_frames_processed_total") > 0
+            wait_for("far one counts", lambda: far.metric("lumpwatch_frames_processed_total") > 0, 30)
             hub.stop()
-            wait_for("far monitor is blind", lambda: far.metric("lumpwatch_roi_blind") == 1, 10)
+            wait_for("far monitor is blind", lambda: far.metric("lumpwatch_roi_blind") == 1, 30)
         code, seconds = far.stop()
         assert code == 0
         assert seconds < 8.0
@@ -156,10 +160,10 @@ def test_a_new_prior_is_taken_without_a_restart(daemon: Daemon) -> None:
         def taken(version: int = version) -> bool:
             return daemon.metric("lumpwatch_prior_version") == version
 
-        wait_for("prior taken", taken, 10)
+        wait_for("prior taken", taken, 30)
     rolled = daemon.command("priors", "rollback", str(daemon.config), *where, "--version", "1")
     assert rolled.returncode == 0
-    wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 10)
+    wait_for("rolled back", lambda: daemon.metric("lumpwatch_prior_version") == 1, 30)
     assert daemon.metric("lumpwatch_worker_restarts_total") == 0
     assert daemon.ready
 
@@ -176,7 +180,7 @@ def test_malformed_frames_are_counted_and_harmless(daemon: Daemon) -> None:
         "counted",
         # Whoever sends them is not the camera that is listened to.
         lambda: daemon.metric("lumpwatch_frames_dropped_total", reason="second_source") >= 1,
-        10,
+        30,
     )
     assert daemon.ready
     assert daemon.metric("lumpwatch_worker_restarts_total") == 0
@@ -205,7 +209,7 @@ def test_what_keeps_the_daemon_from_starting(
 def test_a_stuck_camera_process_is_killed(daemon: Daemon) -> None:
     (pid,) = daemon.children()["camera"]
     os.kill(pid, signal.SIGSTOP)
-    wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 10)
+    wait_for("blind", lambda: daemon.metric("lumpwatch_roi_blind") == 1, 30)
     wait_for(
         "stuck process replaced",
         lambda: daemon.metric("lumpwatch_worker_restarts_total", reason="stuck") == 1,

@@ -51,8 +51,9 @@ def test_by_command_and_on_a_schedule(tmp_path: Path, polygon: str) -> None:
                 ),
                 120,
             )
-            assert daemon.metric("lumpwatch_proof_test_warning_seconds", roi="apron") > 1.0
-            record = wait_for("test record", lambda: tests, 10)[0]
+            warned = "lumpwatch_proof_test_warning_seconds"
+            wait_for("its warning", lambda: daemon.metric(warned, roi="apron") > 1.0, 30)
+            record = wait_for("test record", lambda: tests, 30)[0]
             assert record["subject"] == "cam/apron"
             assert record["data"]["test"] is True
             assert record["data"]["change"] == "raised"

@@ -129,7 +129,7 @@ def test_what_the_thread_finds_is_handed_over(watched: Watched) -> None:
     watched.watcher.first()
     watched.watcher.start()
     watched.priors.save(prior())
-    found = wait_for("found", watched.watcher.take, 10)
+    found = wait_for("found", watched.watcher.take, 30)
     watched.watcher.close()
     assert versions(found) == [("NewPrior", 1)]
 
@@ -174,6 +174,6 @@ def test_a_disk_that_hangs_is_told_and_waited_for_by_nobody(
     hung.hangs.clear()
     PriorStore(tmp_path).save(prior())
     hung.released.set()
-    found = wait_for("found", watched.watcher.take, 10)
+    found = wait_for("found", watched.watcher.take, 30)
     watched.watcher.close()
     assert versions(found) == [("NewPrior", 1)]

@@ -109,7 +109,7 @@ def test_who_had_joined_joins_a_hub_of_another_authority(
             publisher.put(b"now")
             return bool(heard)
 
-        wait_for("heard before", sent, 10)
+        wait_for("heard before", sent, 30)
         put(made / "new", tmp_path)
         hub.close()
         heard.clear()
