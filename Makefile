@@ -44,15 +44,17 @@ demo: setup ## a simulated crusher, watched live; DEMO_SECONDS=60 ends it by its
 # Those that start daemons and break them mostly wait, so they run beside the others; both share their work file by file.
 DAEMONS := tests/faults tests/integration
 WORKERS ?= 2
+# In the order that tests/conftest.py gives: what takes long begins first.
+SHARED = --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test: setup system ## all tests; those of `make container` where it was run before
-	@mkdir -p build; $(BIN)/pytest $(DAEMONS) --numprocesses $(WORKERS) --dist loadfile >build/daemons.log 2>&1 & daemons=$$!; \
-	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
+	@mkdir -p build; $(BIN)/pytest $(DAEMONS) $(SHARED) >build/daemons.log 2>&1 & daemons=$$!; \
+	$(BIN)/pytest $(SHARED) $(addprefix --ignore=,$(DAEMONS)); others=$$?; \
 	wait $$daemons; code=$$?; cat build/daemons.log; exit $$((others | code))
 
 coverage: setup system ## which lines the tests run that start no daemons; a table in build/coverage.txt
 	@mkdir -p build
-	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile --cov --cov-report= $(addprefix --ignore=,$(DAEMONS))
+	$(BIN)/pytest $(SHARED) --cov --cov-report= $(addprefix --ignore=,$(DAEMONS))
 	$(BIN)/coverage report --skip-covered --skip-empty --sort=cover | tee build/coverage.txt
 
 container: setup base ## the image on a real engine: built, run, killed, upgraded, rolled back; as root

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -50,13 +51,16 @@ STILL = blocks(1, (HEIGHT, WIDTH))
 ORE = blocks(2, (4096, 144))
 
 
+@lru_cache(maxsize=1000)
 def belt(k: int, *, noise: int | None = None, run: bool = True) -> Image:
-    """Picture k of a live camera: surroundings that stay, ore that runs within the ROI, noise."""
+    """Picture k of a live camera: surroundings that stay, ore that runs within the ROI, noise. To be read alone."""
     picture = STILL.copy()
     row = 5 * k % 3900 if run else 0
     picture[16:112, 24:168] = ORE[row : row + 96]
     grain = np.random.default_rng(k if noise is None else noise).normal(0.0, 2.0, picture.shape)
-    return np.clip(np.round(picture + grain), 0, 255).astype(np.uint8)
+    seen = np.clip(np.round(picture + grain), 0, 255).astype(np.uint8)
+    seen.setflags(write=False)
+    return seen
 
 
 def frames(shown: Iterator[Image], start: int = 0) -> Iterator[Frame]:
@@ -96,7 +100,7 @@ def plate(picture: Image, k: int) -> Image:
 
 
 def frozen(picture: Image, k: int) -> Image:
-    held = belt(249)
+    held = belt(249).copy()
     cv2.putText(held, f"{k // 5:04d}", (2, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.4, 255, 1)
     return held
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +35,38 @@ def log_of_its_own() -> Iterator[None]:
         root.removeHandler(handler)
         root.setLevel(logging.WARNING)
         logging.getLogger("lumpwatch").setLevel(logging.NOTSET)
+
+
+LONG = (
+    "training/test_training.py",
+    "training/test_training_report.py",
+    "console/test_console_demo.py",
+    "console/test_console_newcomer.py",
+    "console/test_console_labels_browser.py",
+    "console/test_console_browser.py",
+    "training/test_refining.py",
+    "test_difficulty.py",
+    "detection/test_never_clear_when_blind.py",
+    "test_experiments.py",
+    "test_gallery.py",
+    "faults/test_records.py",
+    "faults/test_networks.py",
+    "faults/test_gateway.py",
+    "faults/test_a_day.py",
+    "faults/test_long_run.py",
+)
+"""Files that take longest, whatever the number of their tests."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Workers that share files begin with those that take long, so that none is still at one when all else is done."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    here = Path(__file__).parent
+    rank = {here / name: number for number, name in enumerate(LONG)}
+    tests = Counter(item.path for item in items)
+    items.sort(key=lambda item: (rank.get(item.path, len(LONG)), -tests[item.path]))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

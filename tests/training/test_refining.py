@@ -14,7 +14,7 @@ import pytest
 from lumpwatch.models.evaluation import overlaps
 from lumpwatch.service.capture.recordings import read_frames
 from lumpwatch.service.cli import main
-from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config import CameraConfig, RoiConfig
 from lumpwatch.service.simulator.spec import FeedSpec
 from lumpwatch.service.simulator.write import write_video
 from lumpwatch.service.storage.footage_archive import FootageArchive
@@ -36,6 +36,8 @@ from tests.service_helpers import same, site, site_tree
 OF = ("cam", "apron")
 SMALL = {"working_size_px": 160, "likelihood": {"kind": "lump", "evidence": 0.8}}
 """With a given share of evidence, training does not look for it."""
+CHEAP = SMALL | {"likelihood": {"kind": "histogram", "evidence": 0.5}, "particles": 50}
+"""For what is learned of motion and places, whatever the likelihood, and for the command's ways."""
 
 
 # Learning from the pool
@@ -54,16 +56,25 @@ class Feeds:
     def camera(self) -> CameraConfig:
         return site(self.tree).cameras[0]
 
+    @property
+    def cheap(self) -> RoiConfig:
+        """Its region with a likelihood that is learned in a moment."""
+        tree = json.loads(json.dumps(self.tree))
+        tree["cameras"][0]["rois"][0]["detector"] = CHEAP
+        return site(tree).cameras[0].rois[0]
+
     def learn(self, *chosen: int) -> tuple[Material, Trained]:
-        """From those of the clips with lumps, as the command does; once for all tests."""
+        """From those of the clips with lumps, as the command does, with the cheap likelihood; once for all tests."""
         if chosen in self.learned:
             return self.learned[chosen]
+        self.learned[chosen] = self.learn_with(self.cheap, *chosen)
+        return self.learned[chosen]
+
+    def learn_with(self, roi: RoiConfig, *chosen: int) -> tuple[Material, Trained]:
         found = [(self.videos[k], self.videos[k].with_suffix(".txt")) for k in chosen]
-        roi = self.camera.rois[0]
         material = gather(self.camera, roi, confirmed_clips(found), lambda *_: nullcontext(lambda _: None))
         trained = learn(roi, material.footage, material.tracks, "the clips")
-        self.learned[chosen] = material, tempered(roi, material.footage, trained)
-        return self.learned[chosen]
+        return material, tempered(roi, material.footage, trained)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +95,7 @@ def feeds(tmp_path_factory: pytest.TempPathFactory) -> Feeds:
 
 @pytest.mark.slow
 def test_one_clip_teaches_what_training_on_it_does(feeds: Feeds) -> None:
-    roi, video = feeds.camera.rois[0], feeds.videos[0]
+    roi, video = feeds.cheap, feeds.videos[0]
     frames, _ = read_frames(feeds.camera, video)
     once = train(roi, frames, read_labels(video.with_suffix(".txt")), Path("gt.txt"), video.name)
     _, again = feeds.learn(0)
@@ -109,7 +120,7 @@ def test_nothing_is_forgotten(feeds: Feeds) -> None:
 @pytest.mark.slow
 def test_a_lump_that_nobody_boxed_is_told(feeds: Feeds, tmp_path: Path) -> None:
     roi = feeds.camera.rois[0]
-    material, trained = feeds.learn(0)
+    material, trained = feeds.learn_with(roi, 0)
     assert unboxed(roi, material, trained.learned, [0]) == ()
     assert unboxed(roi, material, trained.learned, []) == ()
     longest = max(material.lumps, key=lambda lump: sum(len(track.frames) for track in lump.tracks))
@@ -208,9 +219,8 @@ def test_train_then_refine_runs_in_shadow(
     feeds: Feeds, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tree = json.loads(json.dumps(feeds.tree))
-    # What refining does is the same for either likelihood, and this one is learned in a moment.
-    quick = SMALL | {"likelihood": {"kind": "histogram", "evidence": 0.5}}
-    tree["cameras"][0]["rois"][0] |= {"learning": {"footage_mb": 50}, "detector": quick}
+    # What refining does is the same for either likelihood.
+    tree["cameras"][0]["rois"][0] |= {"learning": {"footage_mb": 50}, "detector": CHEAP}
     config = tmp_path / "site.yaml"
     config.write_text(json.dumps(tree))
     of = ("--camera", "cam", "--roi", "apron")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,8 @@ from tests.service_helpers import frame, site, site_tree
 SECONDS, FPS = 20.0, 15.0
 QUICK = {"kind": "lump", "evidence": 0.8}
 """With a given share of evidence, training does not look for it."""
+CHEAP: dict[str, Any] = {"likelihood": {"kind": "histogram", "evidence": 0.5}, "particles": 50}
+"""For what is learned of motion and places, whatever the likelihood."""
 
 
 @dataclass(frozen=True)
@@ -36,15 +39,19 @@ class Clip:
     camera: CameraConfig
     boxes: tuple[Box, ...]
 
-    def train(self, boxes: tuple[Box, ...] | None = None, **detector: Any) -> Trained:
+    def train(
+        self, boxes: tuple[Box, ...] | None = None, seconds: float = SECONDS, **detector: Any
+    ) -> Trained:
+        """Learn from the first seconds, with the boxes of the clip or others."""
         camera = self.camera
         if detector:
             roi = camera.rois[0]
             changed = roi.model_copy(update={"detector": site_roi(roi.polygon, **detector).detector})
             camera = camera.model_copy(update={"rois": (changed,)})
         frames, _ = read_frames(camera, self.video)
-        chosen = self.boxes if boxes is None else boxes
-        return train(camera.rois[0], frames, chosen, self.labels, self.video.name)
+        count = round(seconds * FPS)
+        chosen = tuple(b for b in self.boxes if b.frame <= count) if boxes is None else boxes
+        return train(camera.rois[0], islice(frames, count), chosen, self.labels, self.video.name)
 
 
 def site_roi(polygon: Any, **detector: Any) -> Any:
@@ -75,7 +82,7 @@ def given(clip: Clip) -> Trained:
 @pytest.fixture(scope="module")
 def inferred(clip: Clip) -> Trained:
     """Learned from the boxes alone."""
-    return clip.train(tuple(replace(box, model=None) for box in clip.boxes))
+    return clip.train(tuple(replace(box, model=None) for box in clip.boxes), working_size_px=192, **CHEAP)
 
 
 pytestmark = pytest.mark.slow
@@ -142,7 +149,9 @@ def test_size_and_velocity_by_row_agree_with_the_labels(given: Trained, clip: Cl
 def test_training_is_repeatable(clip: Clip) -> None:
     """With looks a second to find, and a margin that is given."""
     first, again = (
-        clip.train(working_size_px=96, particles=300, likelihood={"kind": "lump", "margin": 2.0})
+        clip.train(
+            seconds=10.0, working_size_px=96, particles=300, likelihood={"kind": "lump", "margin": 2.0}
+        )
         for _ in range(2)
     )
     assert np.array_equal(again.learned.density.values, first.learned.density.values)
@@ -163,7 +172,7 @@ def test_a_histogram_is_learned_where_the_configuration_asks_for_it(clip: Clip) 
 def test_few_objects_are_warned_of(clip: Clip) -> None:
     first = min(box.track for box in clip.boxes)
     few = tuple(box for box in clip.boxes if box.track == first and box.model == "belt")
-    warnings = clip.train(few).warnings
+    warnings = clip.train(few, **CHEAP).warnings
     assert any("only 1 labelled objects" in warning for warning in warnings)
     assert any("motion model fall was seen in 0 steps" in warning for warning in warnings)
 
