@@ -32,6 +32,7 @@ _LEAST_POINTS = 8
 _BACK_PX = 0.5  # tracked there and back a point must end so near to where it began
 _WINDOW, _LEVELS = (15, 15), 3
 _LEAVES = 0.75  # share of the shorter side of the box by which the belt must have moved
+_FAR = 3.0  # times that: a box that jumps to and fro has then stayed, or ridden, without doubt
 _LEAST_MOVED_PX = 6.0
 _TREMBLES_PX = 3  # what stands may tremble by so much
 _SAME, _ANOTHER = 0.6, 0.4  # correlation from which, and below which, a place looks the same
@@ -57,6 +58,10 @@ class PlaceLook:
     """How far the belt has moved since then (2,), working px."""
     same: bool | None
     """Whether the place looked the same then: True: something stands there. False: it does not. None: unclear."""
+    far_since_s: float
+    """As `since_s`, but before the belt had moved by several times as much, as far as that is known."""
+    far_moved: NDArray[np.float64]
+    """How far it has moved since then (2,), working px."""
 
 
 class StandingMeter:
@@ -92,16 +97,24 @@ class StandingMeter:
         around = self._around(box * self._scale, others * self._scale)
         needed = max(_LEAVES * self._scale * float(min(box[2], box[3])), _LEAST_MOVED_PX)
         moved = np.zeros(2)
-        for k in range(len(self._seen) - 1, 0, -1):
-            step = self._motion(k)[around]
+        near: tuple[int, NDArray[np.float64]] | None = None
+        k = len(self._seen)
+        while k > 1 and math.hypot(*moved) < _FAR * needed:
+            step = self._motion(k - 1)[around]
             step = step[np.isfinite(step[:, 0])]
             if len(step) < _LEAST_POINTS:
-                return None
-            moved += middle(step)
-            if math.hypot(*moved) >= needed:
-                same = self._same(box * self._scale, moved, k - 1)
-                return PlaceLook(self._seen[k - 1].time_s, moved / self._scale, same)
-        return None
+                break
+            k -= 1
+            moved = moved + middle(step)
+            if near is None and math.hypot(*moved) >= needed:
+                near = k - 1, moved
+        if near is None:
+            return None
+        since, by = near
+        same = self._same(box * self._scale, by, since)
+        return PlaceLook(
+            self._seen[since].time_s, by / self._scale, same, self._seen[k - 1].time_s, moved / self._scale
+        )
 
     def _around(self, box: Boxes, others: Boxes) -> NDArray[np.bool_]:
         """Which points lie around the box, and on no other."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import select
 import sys
 import threading
 import time
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import TextIO, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -97,10 +98,13 @@ class _Follower:
         self._watch = SilenceWatch(site, regions, time.monotonic())
         self._lock = threading.Lock()
         self._done = threading.Event()
-        self._silence = False
+        self._silence = self._unread = False
 
     def follow(self, bus: Bus, stop: threading.Event) -> int:
-        """Until `stop`, or the count is reached, or a camera falls silent where that ends it; the exit code."""
+        """Until `stop`, or the count is reached, or a camera falls silent where that ends it; the exit code.
+
+        Raises BrokenPipeError once whoever read the lines has gone, though nothing is to be printed.
+        """
         bus.subscribe(
             self._keys.heartbeats(), lambda _, payload: self._watch.heard(payload, time.monotonic())
         )
@@ -112,6 +116,8 @@ class _Follower:
         while not self._done.is_set() and not stop.wait(0.1):
             for change in self._watch.changes(time.monotonic()):
                 self._tell(change, bus)
+            if self._unread or reader_gone(sys.stdout):
+                raise BrokenPipeError
         return SILENT if self._silence else 0
 
     def _tell(self, change: Silence, bus: Bus) -> None:
@@ -139,13 +145,24 @@ class _Follower:
                 return
             try:
                 _print(line, coloured_states=self._coloured)
-            except BrokenPipeError:  # who read has gone
-                self._done.set()
+            except BrokenPipeError:
+                self._unread = True
                 return
             if counts and self._left is not None:
                 self._left -= 1
                 if self._left <= 0:
                     self._done.set()
+
+
+def reader_gone(stream: TextIO) -> bool:
+    """Whether nobody can read any more what is written there: the other end of a pipe is closed."""
+    try:
+        descriptor = stream.fileno()
+    except (OSError, ValueError):  # no file at all
+        return False
+    look = select.poll()
+    look.register(descriptor, 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in look.poll(0))
 
 
 def ask_one(bus: Bus, key: str, parameters: dict[str, str], target: str, timeout_s: float = 2.0) -> bytes:

@@ -25,7 +25,7 @@ LEAST = 0.01
 """Rates that differ by less from 1 count as 1: what the leak of `StreamClock` does not follow is small."""
 YOUNG_S = 30.0
 STANDING_S = 2.0
-"""Stamps that stand still for so long while pictures come are not believed."""
+"""Stamps that stand still for so long while pictures come are not believed, or for less where nobody can wait."""
 _BUCKET_S = 0.5
 _LEAST_BUCKETS = 8
 _TOLD_BUCKETS = 20
@@ -49,7 +49,9 @@ class CameraClock:
     Captures never lie after `received_s` and never go back.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, patience_s: float = STANDING_S) -> None:
+        """`patience_s`: how long whoever reads the stream can wait while its stamps stand still."""
+        self._standing_s = min(STANDING_S, patience_s)
         self._clock = StreamClock()
         self.second_s = 1.0
         """How long a second of the camera lasts."""
@@ -90,7 +92,7 @@ class CameraClock:
         """A frame came with the stamp of the one before it."""
         if self._stands_s is None:
             self._stands_s = received_s
-        elif received_s - self._stands_s >= STANDING_S and not self.by_arrival:
+        elif received_s - self._stands_s >= self._standing_s and not self.by_arrival:
             self._distrust("its time stamps stand still")
 
     def _forget(self) -> None:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 WIDE_DEG = 100.0
 """Lenses that see more than this bend straight lines."""
 _STEPS_M = (0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+_DOUBTFUL = 2.0
+"""Times the stated error of the points from which that is said; from `models.plane.TOLERANCE` on they are refused."""
 _GRID, _INK = (90, 220, 255), (255, 255, 255)
 
 
@@ -35,6 +37,10 @@ class BeltView:
     """From the farthest point of the calibration to the lip."""
     view_deg: float
     missed_px: float
+    error_px: float
+    """To how much the points are known, as stated."""
+    lens: bool
+    """Whether the lens' distortion is taken out."""
     limit_far_px: float | None
     limit_near_px: float | None
     """Side of the box of a lump of the limit's size, where the belt is farthest and at the lip."""
@@ -43,10 +49,17 @@ class BeltView:
     def warnings(self) -> list[str]:
         """What is possible, and yet deserves a second look."""
         found = []
-        if self.view_deg > WIDE_DEG:
+        if self.missed_px > _DOUBTFUL * self.error_px:
+            bent = "" if self.lens else ", or give calibration.lens where straight edges look bent"
             found.append(
-                f"the camera sees {self.view_deg:.0f} degrees across: so wide a lens bends straight lines; set its "
-                "picture straight first, and check view_deg against the data sheet (horizontal, not diagonal)"
+                f"the points are missed by {self.missed_px:.1f} px, but error_px says {self.error_px:g}: sizes and "
+                f"speeds are wrong by more than is told; measure the points again{bent}"
+            )
+        if self.view_deg > WIDE_DEG and not self.lens:
+            found.append(
+                f"the camera sees {self.view_deg:.0f} degrees across: so wide a lens bends straight lines; give "
+                "calibration.lens (lumpwatch lens finds it), and check view_deg against the data sheet (horizontal, "
+                "not diagonal)"
             )
         if self.limit_far_px is not None and self.limit_far_px < 20:
             found.append(
@@ -79,7 +92,13 @@ def seen_belt(config: CalibrationConfig, plane: BeltPlane, points: Array, lip: A
         found = side_of(plane, np.stack([far, lip.mean(axis=0)]), config.limit_mm)
         sides = (float(found[0]), float(found[1]))
     return BeltView(
-        float(plane.cameras.centre[0, 2]) / 1000, float(away.max()), plane.view_deg, plane.missed_px, *sides
+        float(plane.cameras.centre[0, 2]) / 1000,
+        float(away.max()),
+        plane.view_deg,
+        plane.missed_px,
+        config.error_px,
+        config.lens is not None,
+        *sides,
     )
 
 

@@ -63,35 +63,47 @@ class Strangers:
         return tuple(one.id for one in found if self._known[one.id].stands)
 
     def _learn(self, known: _Known, box: NDArray[np.float64], stands: bool | None, time_s: float) -> None:
-        if stands is False:
-            known.stands, known.stands_since_s = False, None
-            self._forget(box)
-        elif stands is None:
-            # With the belt at rest nothing can be told, but what stood here before it stopped still does.
-            known.stands |= not known.rode and any(_shared(box, p) >= SAME_PLACE for _, p in self._places)
-        else:
+        if stands:
             known.stands_since_s = time_s if known.stands_since_s is None else known.stands_since_s
             if time_s - known.stands_since_s >= (RODE_S if known.rode else 0.0) - 1e-6:
                 known.stands = True
                 self._forget(box)
                 self._places.append((time_s, box))
+            return
+        # What is found where something stood is taken for the same until it is seen to ride, whatever its place looks
+        # like: letters look like what lies behind them. With the belt at rest nothing can be told at all.
+        again = not known.rode and any(_shared(box, place) >= SAME_PLACE for _, place in self._places)
+        if stands is None:
+            known.stands |= again
+        else:
+            known.stands, known.stands_since_s = again, None
 
     def _forget(self, box: NDArray[np.float64]) -> None:
         self._places = [(s, place) for s, place in self._places if _shared(box, place) < SAME_PLACE]
 
 
 def _stands(known: _Known, look: PlaceLook | None) -> bool | None:
-    """By its own way where it was there for long enough, by what its place looks like where it was not."""
+    """By its own way where it was there for long enough, by what its place looks like where it was not.
+
+    The longer way says more: boxes on letters, say, jump to and fro by what looks like riding for a moment.
+    """
     if look is None:
         return None
-    then = next((centre for time_s, centre in reversed(known.way) if time_s <= look.since_s + 1e-6), None)
-    if then is None:
+    share = _ridden(known, look.far_since_s, look.far_moved)
+    if share is None or _STAYED <= share <= _RODE:
+        share = _ridden(known, look.since_s, look.moved)
+    if share is None:
         return look.same
-    share = float((known.way[-1][1] - then) @ look.moved) / float(look.moved @ look.moved)
     if share > _RODE:
         known.rode = True
         return False
     return True if share < _STAYED else look.same
+
+
+def _ridden(known: _Known, since_s: float, moved: NDArray[np.float64]) -> float | None:
+    """Its way since then as a share of the belt's; None where it was not there yet."""
+    then = next((centre for time_s, centre in reversed(known.way) if time_s <= since_s + 1e-6), None)
+    return None if then is None else float((known.way[-1][1] - then) @ moved) / float(moved @ moved)
 
 
 def _shared(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

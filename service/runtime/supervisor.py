@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
+from lumpwatch.service.runtime.ends import how_ended
 from lumpwatch.service.runtime.report_reader import ReportReader
 from lumpwatch.service.telemetry import GRACE_S, STARTING, Relay, Report, Worker, work
 
@@ -240,7 +241,7 @@ class Supervisor:
         log.error(
             "%s is %s; starting it again in %.1f s",
             keeper.task.name,
-            "stuck and was killed" if reason == "stuck" else f"gone (exit code {running.process.exitcode})",
+            "stuck and was killed" if reason == "stuck" else f"gone ({how_ended(running.process.exitcode)})",
             keeper.pause_s,
         )
         keeper.running = None

@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from lumpwatch.service.storage.cannot_open import cause_of
 from lumpwatch.service.storage.event import Event
 from lumpwatch.service.storage.event_log import (
     BUSY_S,
@@ -102,4 +103,4 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
         with contextlib.closing(db):
             yield db
     except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
-        raise EventLogError(f"{path}: cannot be read ({error})") from error
+        raise EventLogError(f"{path}: cannot be read ({cause_of(error, path)})") from error

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Protocol
 
 from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.storage.cannot_open import cause_of
 from lumpwatch.service.storage.event import Event
 from lumpwatch.service.storage.event_batch import Batch
 from lumpwatch.service.storage.event_log import (
@@ -379,7 +380,7 @@ class EventWriter:
 
     def _tell(self, reason: str, error: Exception) -> None:
         self._problem(reason)
-        text = f"{self._path}: {reason}: {error}"
+        text = f"{self._path}: {reason}: {cause_of(error, self._path)}"
         if text != self._last_problem:  # once, not with every attempt
             log.error("event log %s; detection and the bus go on", text)
         self._last_problem = text

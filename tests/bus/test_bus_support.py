@@ -6,6 +6,7 @@ ends when its standard input ends.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -172,10 +173,12 @@ def _abandon(endpoint: str, key: str) -> None:
         time.sleep(0.02)
 
 
-def _listen(endpoint: str, selector: str) -> None:
-    """Subscribe to everything and forget it."""
-    with open_client(client_config(endpoint)) as bus:
-        bus.subscribe(selector, lambda _key, _payload: None)
+def _listen(endpoint: str, selector: str, sessions: str = "1") -> None:
+    """Subscribe to everything and forget it, in so many sessions."""
+    with contextlib.ExitStack() as stack:
+        for _ in range(int(sessions)):
+            bus = stack.enter_context(open_client(client_config(endpoint)))
+            bus.subscribe(selector, lambda _key, _payload: None)
         print("ready", flush=True)
         while not _input_ended():
             time.sleep(0.02)

@@ -522,10 +522,14 @@ def test_out_of_service_needs_a_reason(capsys: Captured, config: Path) -> None:
     assert "service: reason: " in failed(capsys, "service", "out", config, *OF, code=2)
 
 
+ODD = 'dust, [red]and[/] "more" [/]'
+"""Words of an operator that look like mark-up."""
+
+
 def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:
     assert "holds no event log" in failed(capsys, "events", config, code=1)
     log = EventLog(event_file(config.parent / "var", "cam"))
-    log.append([Entry(event(k, reason='dust, and "more"'), b"") for k in (1, 2)])
+    log.append([Entry(event(k, reason=ODD), b"") for k in (1, 2)])
     log.close()
     first, second = (
         json.loads(line) for line in done(capsys, "events", config, "--format", "jsonl").splitlines()
@@ -541,7 +545,7 @@ def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:
         "before": "NORMAL",
         "after": "UNACKNOWLEDGED",
         "actor": "Ada",
-        "reason": 'dust, and "more"',
+        "reason": ODD,
         "existence": 0.97,
         "frame": 41,
         "id": "id-000001",
@@ -553,7 +557,7 @@ def test_the_event_log_is_printed(capsys: Captured, config: Path) -> None:
     rows = list(csv.DictReader(io.StringIO(done(capsys, "events", config, "--format", "csv"))))
     assert [{k: "" if v is None else str(v) for k, v in one.items()} for one in (first, second)] == rows
     table = done(capsys, "events", config, "--camera", "cam")
-    assert 'dust, and "more"' in table
+    assert ODD in table
     assert table.count("UNACKNOWLEDGED") == 2
     since = ("--since", "2023-11-14T22:13:22+00:00")
     assert len(done(capsys, "events", config, *since, "--format", "jsonl").splitlines()) == 1

@@ -92,10 +92,12 @@ def test_stamps_in_another_unit_give_way_to_arrivals(scale: float) -> None:
     assert max(ages[130:]) == 0.0
 
 
-def test_stamps_that_stand_still_give_way_to_arrivals() -> None:
-    clock = CameraClock()
+@pytest.mark.parametrize(("patience_s", "stands_s"), [(0.75, 0.75), (60.0, 2.0)])
+def test_stamps_that_stand_still_give_way_to_arrivals(patience_s: float, stands_s: float) -> None:
+    clock = CameraClock(patience_s)
     clock.stamp(0.0, 10.0)
     for k in range(1, 60):
+        assert clock.by_arrival == ((k - 1) * 0.04 > stands_s + 0.02)
         clock.repeated(10.0 + k * 0.04)
     assert clock.by_arrival
     assert [clock.stamp(0.0, t).capture_s for t in (13.0, 13.04)] == [13.0, 13.04]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lumpwatch.models.plane import on_belt, to_picture
 from lumpwatch.service.belt.geometry import make_plane, pixels_of
 from lumpwatch.service.config import CalibrationConfig
-from lumpwatch.service.detection.belt_view import draw_belt, seen_belt
+from lumpwatch.service.detection.belt_view import BeltView, draw_belt, seen_belt
 
 SIZE = (640, 480)
 WIDTH: dict[str, Any] = {
@@ -95,6 +95,32 @@ def test_a_very_wide_view_and_small_lumps_are_warned_of() -> None:
     assert "px wide" in seen_belt(small, make_plane(small, *SIZE), *pixels_of(small, *SIZE)).warnings[0]
     usual = calibration()
     assert seen_belt(usual, make_plane(usual, *SIZE), *pixels_of(usual, *SIZE)).warnings == []
+
+
+def test_points_that_contradict_each_other_are_told_and_then_refused() -> None:
+    """As through a fisheye: the middle of the belt bulges to one side."""
+
+    def of(bulge: float, **more: Any) -> CalibrationConfig:
+        rows = [seen((x, y, 0.0), 4000.0, 40.0, 60.0) for y in (8000, 5500, 4000) for x in (-1000, 1000)]
+        for middle in rows[2:4]:
+            middle[0] += bulge / SIZE[0]
+        places = [[x, y] for y in (8000, 5500, 4000) for x in (-1000, 1000)]
+        return CalibrationConfig.model_validate({"points": rows, "points_mm": places, "lip": LIP} | more)
+
+    def told(config: CalibrationConfig) -> BeltView:
+        return seen_belt(config, make_plane(config, *SIZE), *pixels_of(config, *SIZE))
+
+    good = told(of(0.0))
+    assert good.warnings == []
+    assert "fits within 0.0 px" in str(good)
+    doubtful = told(of(12.0))
+    assert 4.0 < doubtful.missed_px <= 8.0
+    (warning,) = doubtful.warnings
+    assert f"missed by {doubtful.missed_px:.1f} px, but error_px says 2" in warning
+    assert "calibration.lens" in warning
+    assert told(of(12.0, error_px=10.0)).warnings == []
+    with pytest.raises(ValueError, match=r"misses the points by .* more than 4 times error_px \(2\)"):
+        make_plane(of(40.0), *SIZE)
 
 
 def test_the_grid_is_drawn_on_the_belt_alone() -> None:

@@ -169,3 +169,42 @@ def test_what_stands_takes_its_existence_along() -> None:
     assert both.without((), NotCounted.STANDS) is both
     sure = Detection(1.0, (replace(insect, existence=1.0),)).without((1,), NotCounted.STANDS)
     assert sure.existence == 0.0
+
+
+def test_letters_over_the_belt_stand_however_boxes_jump_on_them() -> None:
+    """Their place looks like the belt behind them, boxes jump to and fro, and tracks are lost and found again."""
+
+    def boxes(time_s: float) -> dict[int, tuple[float, float]]:
+        there = {10 + int(time_s / 2.2): (48.0, 80.0 + 8.0 * np.sin(7.0 * time_s))}
+        if time_s >= 6.5:
+            there[1] = (120.0, 10.0 + SPEED * (time_s - 6.5))
+        return there
+
+    results = run_with_picture(lambda _: {}, boxes, 8.0)
+    told = [c for c in changes(results) if c[0] == "lump"]
+    assert [c[1] for c in told] == [
+        Change.RAISED,
+        Change.RE_ALARMED,
+    ]  # before it was known to stand, and the lump
+    assert told[1][2] == "another_lump"
+    known = [r for r in results if r.frame is not None and 4.8 < r.frame.capture_s < 6.5]
+    assert {r.decision for r in known} == {Decision.BLIND}
+    assert {o.not_counted for r in known if r.detection is not None for o in r.detection.objects} == {
+        NotCounted.STANDS
+    }
+
+
+def test_what_is_there_when_the_service_starts_is_no_lump_for_good_and_hides_no_lump() -> None:
+    def both(time_s: float) -> dict[int, tuple[float, float]]:
+        there = {1: (48.0, 80.0)}
+        if time_s >= 4.5:
+            there[2] = (120.0, 10.0 + SPEED * (time_s - 4.5))
+        return there
+
+    results = run(both, 6.0)
+    told = [c for c in changes(results) if c[0] == "lump"]
+    assert told[-1][1:] in ((Change.RAISED, None), (Change.RE_ALARMED, "another_lump"))
+    at = [c.transition.time_s for r in results for c in r.changes if c.alarm_class == "lump"]
+    assert 4.5 <= at[-1] <= 5.9
+    before = [r for r in results if r.frame is not None and 3.8 < r.frame.capture_s < 4.5]
+    assert {r.reason for r in before} == {BlindReason.HIDDEN}

@@ -15,7 +15,7 @@ import numpy as np
 from lumpwatch.service.bus.session import open_client
 from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.config import load_config
-from lumpwatch.service.core.video_writer import VideoWriter
+from lumpwatch.service.core.video_writer import Codec, VideoWriter
 from lumpwatch.service.storage.prior_store import PriorStore
 from tests.faults.outside import BLIND_AFTER_S, NOTICED_S, Outside
 from tests.faults.table import Row
@@ -27,10 +27,10 @@ DARK_S, BRIGHT_S = 1.5, 1.5
 RECOVERED_S = 15.0
 
 
-def write_clip(path: Path, scale: int = 1) -> Path:
+def write_clip(path: Path, scale: int = 1, codec: Codec = "h264") -> Path:
     """Dark ground, then the object in it; the ground flickers, so no two pictures are alike."""
     rng = np.random.default_rng(1)
-    with VideoWriter(path, scale * WIDTH, scale * HEIGHT, FPS, gop=5) as writer:
+    with VideoWriter(path, scale * WIDTH, scale * HEIGHT, FPS, codec=codec, gop=5) as writer:
         for k in range(round((DARK_S + BRIGHT_S) * FPS)):
             shown = picture(bright=k >= DARK_S * FPS)
             shown = np.minimum(shown, 245) + rng.integers(0, 10, shown.shape).astype(np.uint8)

@@ -66,7 +66,7 @@ def page(rows: Iterable[Row], version: str, measured: str) -> str:
         "machine. Lost is what stands in the event log and did not come to a subscriber of the bus, which must",
         "get every record once and in the order of its sequence. While the picture is dead or unfit, no region read",
         "CLEAR for longer than the limit in the third column. A `-` means that there is nothing to notice or to",
-        "recover from.",
+        "recover from. Attacks are those of a program of the same host that reaches the bus without TLS.",
         "",
         measured,
         "",

@@ -184,16 +184,25 @@ def test_the_gateway_is_killed(site: Site, record: Record) -> None:
 
 
 def test_the_hub_is_killed(site: Site, record: Record) -> None:
+    seen = site.fault(lambda: site.daemon.worker("hub"))
+    assert seen[1] in ("no_bus", "process_gone")
+    text = "the daemon starts it again; Good and beating"
+    record(row(site, "gateway: hub killed", "SIGKILL of the hub's process", text, seen, 1.5))
+
+
+def test_the_daemon_is_killed(site: Site, record: Record) -> None:
     def again() -> None:
         assert site.daemon.process is not None
         site.daemon.process.wait()
         site.daemon.start()
 
-    def hub() -> int:
+    def daemon() -> int:
         assert site.daemon.process is not None
         return site.daemon.process.pid
 
-    seen = site.fault(hub, again)
+    seen = site.fault(daemon, again)
     assert seen[1] in ("no_bus", "process_gone")
     text = "started again as an engine or systemd would; Good and beating"
-    record(row(site, "gateway: hub killed", "SIGKILL of the daemon, which is the hub", text, seen, 1.5))
+    record(
+        row(site, "gateway: daemon killed", "SIGKILL of the daemon, whose hub ends with it", text, seen, 1.5)
+    )

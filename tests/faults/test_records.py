@@ -6,13 +6,12 @@ system where that can be had.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -25,14 +24,12 @@ from lumpwatch.service.cli.alarms import as_client
 from lumpwatch.service.config import load_config
 from lumpwatch.service.storage.event_log import Entry, EventLog, event_file
 from lumpwatch.service.storage.event_log_reader import read_events
-from lumpwatch.service.storage.prior_store import PriorStore
 from tests.bus.test_bus_support import Child, free_endpoint
 from tests.bus.tokens import Tokens
-from tests.faults.outside import BLIND_AFTER_S, KEYS, NOTICED_S, PATIENCE_S, ROI, Outside
+from tests.faults.lumps import CAM, Lumps, start
+from tests.faults.outside import KEYS, NOTICED_S, PATIENCE_S, ROI
 from tests.faults.table import Record, Row
-from tests.integration.feed import Feed
-from tests.integration.site import AlarmFollower, Daemon, wait_for
-from tests.service_helpers import prior, site_tree
+from tests.integration.site import AlarmFollower, wait_for
 from tests.storage.test_event_log import event
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
@@ -42,7 +39,6 @@ STARTED_S = 60.0
 DELIVERED_S = 2.0
 FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
 EVENTS_BEFORE = 60
-CAM = "cam"
 HOUR_S = 3600.0
 
 
@@ -131,29 +127,6 @@ class WallClock:
 
 
 @dataclass
-class Lumps:
-    """A daemon and its cameras, and one who looks on."""
-
-    daemon: Daemon
-    outside: Outside
-    feeds: dict[str, Feed]
-    store: Path
-
-    def lump(self, of: str = CAM) -> tuple[float, float]:
-        """One lump that comes and goes; the time of its appearance, and seconds until it was announced."""
-        began = time.monotonic()
-        self.feeds[of].bright = True
-        arrived = self.outside.raised(of, began)["arrived_s"]
-        self.feeds[of].bright = False
-        self.outside.wait(of, "RETURNED", since_s=began)
-        self.acknowledge(of)
-        return began, arrived - began
-
-    def acknowledge(self, of: str = CAM) -> None:
-        assert self.outside.act(KEYS.command(of, ROI, "ack"), actor="Ada")["acknowledged"]
-
-
-@dataclass
 class Site(Lumps):
     """That of most tests: with a hub of its own and a disk that can be made full."""
 
@@ -162,53 +135,6 @@ class Site(Lumps):
     disk: Disk
     damage_told_s: dict[str, float] = field(default_factory=dict)
     """By camera: from the start of the daemon."""
-
-    def problems(self, reason: str, of: str = CAM) -> float:
-        return self.daemon.metric("lumpwatch_event_log_problems_total", camera=of, reason=reason)
-
-    def written(self) -> bool:
-        """Whether the event log holds all that was announced."""
-        sequence = self.outside.since(CAM, 0.0)[-1].sequence
-        events = list(read_events(event_file(self.store, CAM)))
-        return bool(events) and events[-1].sequence == sequence
-
-    def kill_monitor(self) -> float:
-        """When it was dead."""
-        pid = self.daemon.worker("monitor", CAM)
-        os.kill(pid, signal.SIGKILL)
-        killed = time.monotonic()
-        wait_for("a new monitor", lambda: self.daemon.worker("monitor", CAM) != pid, 20)
-        return killed
-
-
-def start(
-    stack: ExitStack,
-    folder: Path,
-    names: tuple[str, ...],
-    bus: str = 'listen: ["tcp/127.0.0.1:{port}"]',
-    prepare: Callable[[Path], None] = lambda _: None,
-    environment: dict[str, str] | None = None,
-) -> tuple[Daemon, Outside, dict[str, Feed]]:
-    """A daemon whose cameras are feeds of this test; `prepare` gets the store before it starts."""
-    cameras = []
-    for name in names:
-        (one,) = site_tree(particles=100)["cameras"]
-        one |= {"id": name, "blind_after_s": BLIND_AFTER_S}
-        blind = {"on_delay_s": 0.5, "off_delay_s": 0.3, "window_s": 1.5}
-        one["rois"][0]["alarm"] |= {"off_delay_s": 1.0, "blind": blind}
-        cameras.append(f"  - {json.dumps(one)}\n")
-    daemon = Daemon(folder, "".join(cameras), bus)
-    daemon.roles = ("--only", "monitor")
-    daemon.environment = environment or {}
-    config = load_config(daemon.config)
-    for name in names:
-        PriorStore(config.store.path).save(prior(camera_id=name))
-    prepare(config.store.path)
-    stack.enter_context(daemon)
-    client = stack.enter_context(open_client(as_client(config.bus)))
-    feeds = {name: stack.enter_context(Feed(client, name)) for name in names}
-    outside = Outside(stack.enter_context(open_client(as_client(config.bus))))
-    return daemon, outside, feeds
 
 
 def damage_logs(store: Path) -> None:

@@ -13,7 +13,17 @@ from pathlib import Path
 import pytest
 
 from tests.faults.outside import BLIND_AFTER_S, NOTICED_S
-from tests.faults.pictures import Course, Pictures, camera, failures, row, run_fault, watching, write_clip
+from tests.faults.pictures import (
+    RECOVERED_S,
+    Course,
+    Pictures,
+    camera,
+    failures,
+    row,
+    run_fault,
+    watching,
+    write_clip,
+)
 from tests.faults.table import Record, Row
 from tests.integration.site import wait_for
 from tests.servers.process import RtspServer
@@ -29,16 +39,18 @@ class Site(Pictures):
     server: RtspServer
     clip: Path
     large: Path
+    jpegs: Path
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("servers")
     clip, large = write_clip(folder / "clip.mp4"), write_clip(folder / "large.mp4", scale=2)
+    jpegs = write_clip(folder / "jpegs.mkv", codec="mjpeg")
     server = RtspServer(clip)
     cameras = {"rtsp": camera("rtsp", server.url), "file": camera("file", str(clip))}
     with watching(folder, cameras, ("rtsp",)) as seen:
-        made = Site(seen.daemon, seen.outside, server, clip, large)
+        made = Site(seen.daemon, seen.outside, server, clip, large, jpegs)
         yield made
     made.server.kill()
 
@@ -153,10 +165,91 @@ def test_time_stamps_jump_back_to_zero(site: Site, record: Record) -> None:
     record(
         Row(
             "PTS back to 0", "the server counts its time stamps from 0 again, in the same connection",
-            "dropped reason `pts_jump` is counted; decisions go on", noticed, NOTICED_S,
+            "dropped reason `pts_jump` is counted; decisions go on", noticed, 2 * NOTICED_S,
             outside.lost(site.store, "rtsp"), "the clock is anchored anew at the same frame", None, None,
         )
     )  # fmt: skip
+
+
+def test_time_stamps_stand_still(site: Site, record: Record) -> None:
+    """The pictures are good and on time: their arrivals take the place of the stamps."""
+    outside, before = site.outside, _clock_faults(site)
+    outside.sees("rtsp", time.monotonic())
+    site.server.say("hold")
+    began = time.monotonic()
+    wait_for("told", lambda: _clock_faults(site) > before, 20)
+    noticed = time.monotonic() - began
+    back = outside.sees("rtsp", time.monotonic())
+    for _ in range(2):
+        outside.raised("rtsp", time.monotonic())
+    assert all(one.state != "BLIND" for one in outside.since("rtsp", back.at_s + 0.5))
+    site.server.say("release")
+    site.server.say("kick")  # a connection made anew is believed again
+    outside.sees("rtsp", time.monotonic())
+    record(
+        Row(
+            "time stamps stand still", "every picture has the stamp of the one before, until two lumps were announced",
+            "dropped reason `clock` is counted, a warning in the log", noticed, NOTICED_S,
+            outside.lost(site.store, "rtsp"), "pictures count as captured when they arrive, decisions go on",
+            back.at_s - began, RECOVERED_S,
+        )
+    )  # fmt: skip
+
+
+def test_the_cameras_clock_is_slow(site: Site, record: Record) -> None:
+    """It declares ten frames a second and delivers eight."""
+    outside, before = site.outside, _clock_faults(site)
+    site.server.say("rate 0.8")
+    site.server.say("kick")
+    began = time.monotonic()
+    wait_for("told", lambda: _clock_faults(site) > before, 60)
+    noticed = time.monotonic() - began
+    assert "its clock runs 20 % slow" in site.daemon.log.read_text()
+    for _ in range(2):
+        outside.raised("rtsp", time.monotonic())
+    assert all(one.state != "BLIND" for one in outside.since("rtsp", began + noticed))
+    site.server.say("rate 1")
+    site.server.say("kick")
+    record(
+        Row(
+            "wrong frame rate", "the stamps count ten frames a second, eight come",
+            "\"its clock runs 20 % slow\" in the log, once; decisions go on", noticed, 30.0,
+            outside.lost(site.store, "rtsp"), "nothing to recover from: stamps are put right", None, None,
+        )
+    )  # fmt: skip
+
+
+def _clock_faults(site: Site) -> float:
+    return site.metric("lumpwatch_frames_dropped_total", "rtsp", reason="clock")
+
+
+def test_jpegs_are_cut(site: Site, record: Record) -> None:
+    """Their missing part must not be shown as an older picture had it."""
+    port = site.server.port
+    site.server.kill()
+    site.server = RtspServer(site.jpegs, port)
+
+    def counted() -> float:
+        return site.metric("lumpwatch_frames_dropped_total", "rtsp", reason="corrupt")
+
+    site.outside.raised("rtsp", time.monotonic())
+    before = counted()
+    course = run_fault(
+        site,
+        "rtsp",
+        lambda: site.server.say("cut 1000000"),
+        lambda: wait_for("counted", lambda: counted() > before, 20),
+        lambda: site.server.say("cut 0"),
+    )
+    record(
+        row(
+            "cut JPEGs",
+            "MJPEG over RTSP, each picture without its last tenth",
+            "dropped reason `corrupt` is counted",
+            "pictures that are whole are shown again",
+            course,
+        )
+    )
 
 
 def test_the_camera_process_is_killed(site: Site, record: Record) -> None:

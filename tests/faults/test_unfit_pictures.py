@@ -138,3 +138,36 @@ def test_the_picture_is_not_fit(site: Site, record: Record, reason: str) -> None
             outside.lost(site.store, CAM), "sees again when the picture is fit", back.at_s - over, RECOVERED_S,
         )
     )  # fmt: skip
+
+
+FLAP_S = 2.5
+FLAPS = 3
+
+
+def test_the_picture_is_fit_by_turns(site: Site, record: Record) -> None:
+    """Whatever flaps ends in an alarm that stands, though no spell of it is long."""
+    outside = site.outside
+    outside.wait(CAM, "CLEAR", since_s=time.monotonic())
+    began = time.monotonic()
+    spell = round(FLAP_S * FPS)
+    site.feed.fault = lambda p, k: belt_scene.dark(p, k) if k // spell % 2 else p
+
+    def active() -> bool:
+        return site.daemon.metric("lumpwatch_alarm_active", camera=CAM, **{"class": "blind"}) == 1
+
+    wait_for("blind alarm", active, 30)
+    noticed_s = time.monotonic() - began
+    end = began + 2 * FLAP_S * FLAPS
+    while time.monotonic() < end:
+        assert active(), "the alarm went while the picture flapped"
+        time.sleep(0.2)
+    over = time.monotonic()
+    site.feed.fault = None
+    back = outside.wait(CAM, "CLEAR", since_s=over)
+    record(
+        Row(
+            "picture flaps", f"a sixteenth of the light for {FLAP_S} s, good for {FLAP_S} s, {FLAPS} times",
+            "an alarm of class blind that stands all the time", noticed_s, 2 * FLAP_S + 6.4,
+            outside.lost(site.store, CAM), "sees again when the picture is fit", back.at_s - over, RECOVERED_S,
+        )
+    )  # fmt: skip

@@ -24,6 +24,11 @@ class Feed:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
+    @property
+    def name(self) -> str:
+        """What its frames call it, as anyone on the bus can read."""
+        return self._publisher.name
+
     def __enter__(self) -> Self:
         self._thread.start()
         return self

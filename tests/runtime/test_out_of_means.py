@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import signal
 import socket
 import threading
 import urllib.request
 from multiprocessing.connection import Connection
 
 import numpy as np
+import pytest
 from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.capture.sources.base import Fault
 from lumpwatch.service.capture.sources.reconnect import Reconnecting
 from lumpwatch.service.config.source import BackoffConfig
+from lumpwatch.service.runtime.ends import how_ended
 from lumpwatch.service.runtime.supervisor import Process, Supervisor, Task
 from lumpwatch.service.telemetry import Relay, TelemetryServer
 from lumpwatch.service.telemetry.http import MOST_CONNECTIONS
@@ -37,6 +40,21 @@ def test_a_worker_that_cannot_be_started_is_tried_again() -> None:
         supervisor.watch()  # not before the pause is over
         clock.now_s += 20.0
     assert tried == 3
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (-signal.SIGBUS, "SIGBUS: /dev/shm"),
+        (-signal.SIGKILL, "SIGKILL: no memory was left, or somebody killed it"),
+        (-signal.SIGHUP, "SIGHUP"),
+        (-60, "signal 60"),
+        (3, "exit code 3"),
+        (None, "exit code None"),
+    ],
+)
+def test_how_a_worker_ended_is_said_in_words(code: int | None, words: str) -> None:
+    assert how_ended(code).startswith(words)
 
 
 class _Healthy:

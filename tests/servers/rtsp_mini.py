@@ -8,13 +8,14 @@ re-encoded once at start). Lines on stdin control it:
     corrupt N         fill the next N pictures with random bytes
     cut N             send the next N pictures without their last tenth, as a camera that is short of memory does
     hold | release    send every picture with the same RTP time stamp, go on with the right one
+    rate R            send R seconds of the video a second, with the time stamps that it has
     back S            let the RTP time stamps jump back by S seconds
     zero              let them begin at 0 again
     kick              close all connections
     refuse | accept   answer DESCRIBE with 503, or normally again
 
 Usage: python -m tests.servers.rtsp_mini VIDEO [--host 127.0.0.1] [--port 0] [--user U --password P]
-    [--offers basic,MD5,SHA-256] [--cert PEM --key PEM] [--join-anywhere]
+    [--offers basic,MD5,SHA-256] [--cert PEM --key PEM] [--join-anywhere] [--name NAME] [--encoding utf-8]
 """
 
 from __future__ import annotations
@@ -92,6 +93,7 @@ class Mischief:
     shift_ticks: int = 0
     zero: bool = False
     refuse: bool = False
+    rate: float = 1.0
 
 
 class Client:
@@ -138,14 +140,15 @@ class Client:
         method, url, _ = request.split(" ", 2)
         headers = {k.strip().lower(): v.strip() for k, _, v in (line.partition(":") for line in lines)}
         await self._reader.readexactly(int(headers.get("content-length", 0)))
-        status, extra, body = await self._respond(method, url, headers)
+        status, extra, text = await self._respond(method, url, headers)
+        body = text.encode(self._server.encoding)
         lines = [
             f"RTSP/1.0 {status}",
             f"CSeq: {headers.get('cseq', '0')}",
             f"Session: {self._session};timeout=60",
         ]
-        lines += [*extra, f"Content-Length: {len(body)}", "", body]
-        self._writer.write("\r\n".join(lines).encode())
+        lines += [*extra, f"Content-Length: {len(body)}", "", ""]
+        self._writer.write("\r\n".join(lines).encode() + body)
         await self._writer.drain()
         return method != "TEARDOWN"
 
@@ -223,7 +226,17 @@ class Client:
 class Server:
     """Plays one track to all clients in real time."""
 
-    def __init__(self, track: Track, login: Login | None, *, join_anywhere: bool = False) -> None:
+    def __init__(
+        self,
+        track: Track,
+        login: Login | None,
+        *,
+        join_anywhere: bool = False,
+        name: str = "cam",
+        encoding: str = "utf-8",
+    ) -> None:
+        """`name` is that of the session; its description is sent in `encoding`."""
+        self.name, self.encoding = name, encoding
         self.track = track
         self.login = login
         self.join_anywhere = join_anywhere
@@ -232,7 +245,7 @@ class Server:
 
     def sdp(self) -> str:
         """The session description."""
-        head = ["v=0", "o=- 1 1 IN IP4 127.0.0.1", "s=cam", "c=IN IP4 0.0.0.0", "t=0 0"]
+        head = ["v=0", "o=- 1 1 IN IP4 127.0.0.1", f"s={self.name}", "c=IN IP4 0.0.0.0", "t=0 0"]
         media = [f"m=video 0 RTP/AVP {self.track.payload_type}", *self.track.sdp, "a=control:track0"]
         return "\r\n".join([*head, *media, ""])
 
@@ -244,11 +257,12 @@ class Server:
 
     async def play(self) -> None:
         """Send the track again and again; after a pause of the process it catches up in a burst."""
-        start, lap = time.monotonic(), 0
+        due_s, last, lap = time.monotonic(), 0, 0
         while True:
             for unit in self.track.units:
                 ticks = lap * self.track.lap_ticks + unit.ticks
-                await asyncio.sleep(max(start + ticks / CLOCK_HZ - time.monotonic(), 0))
+                due_s, last = due_s + (ticks - last) / CLOCK_HZ / self.mischief.rate, ticks
+                await asyncio.sleep(max(due_s - time.monotonic(), 0))
                 self._send(unit, ticks)
             lap += 1
 
@@ -290,6 +304,8 @@ class Server:
                 mischief.cut = int(count)
             case ["back", seconds]:
                 mischief.shift_ticks += round(float(seconds) * CLOCK_HZ)
+            case ["rate", share]:
+                mischief.rate = float(share)
             case ["zero"]:
                 mischief.zero = True
             case ["kick"]:
@@ -331,6 +347,8 @@ def main() -> None:
     parser.add_argument("--cert")
     parser.add_argument("--key")
     parser.add_argument("--join-anywhere", action="store_true")
+    parser.add_argument("--name", default="cam")
+    parser.add_argument("--encoding", default="utf-8")
     args = parser.parse_args()
     login, tls = None, None
     if args.user is not None:
@@ -338,7 +356,9 @@ def main() -> None:
     if args.cert:
         tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         tls.load_cert_chain(args.cert, args.key)
-    server = Server(load(args.video), login, join_anywhere=args.join_anywhere)
+    server = Server(
+        load(args.video), login, join_anywhere=args.join_anywhere, name=args.name, encoding=args.encoding
+    )
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(run(server, args.host, args.port, tls))
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import shutil
+import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +14,7 @@ import pytest
 
 from lumpwatch.service.core.alarm import AlarmClass
 from lumpwatch.service.storage import event_log_writer
+from lumpwatch.service.storage.cannot_open import cause_of
 from lumpwatch.service.storage.event_log import EventLog, event_file
 from lumpwatch.service.storage.event_log_reader import read_events
 from tests.bus.test_bus_support import eventually
@@ -56,6 +60,27 @@ def test_a_log_that_is_removed_under_the_daemon_is_put_back(
     assert again.sequences() == {"apron": 3}
     assert again.alarms(0.0, WALL_S, "boot") == {("apron", AlarmClass.LUMP): WAITING}
     again.close()
+
+
+def test_it_says_what_the_system_says_of_a_file_that_cannot_be_opened(tmp_path: Path) -> None:
+    path = tmp_path / "cam.sqlite"
+    path.mkdir()
+    with pytest.raises(sqlite3.OperationalError, match="unable to open database file") as caught:
+        sqlite3.connect(path)
+    assert str(cause_of(caught.value, path)) == "Is a directory"
+    path.rmdir()
+    assert cause_of(caught.value, path) is caught.value  # no more is known of what is not there
+    path.touch()
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    lowest = os.open(os.devnull, os.O_RDONLY)
+    os.close(lowest)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (lowest + 2, before[1]))  # one file alone could be opened
+    try:
+        cause = cause_of(caught.value, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert str(cause) == "Too many open files"
+    assert cause_of(ValueError("x"), path).args == ("x",)
 
 
 def test_it_is_put_back_though_nothing_happens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

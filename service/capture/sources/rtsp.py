@@ -63,7 +63,8 @@ class RtspSource:
         self._wall = wall
         self._assembler = Assembler(encoding, config.levels)
         self._opener = RtspOpener(config, self._name, monotonic)
-        self._clock = CameraClock()
+        # Before the pictures that it costs would be taken for a dead stream, whose next one would begin the same way.
+        self._clock = CameraClock(config.read_timeout_s / 2)
         self._container: InputContainer | None = None
         self._stream: VideoStream | None = None
         self._decoder: PacketDecoder | None = None
