@@ -15,8 +15,6 @@ from math import log, radians, tan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -93,6 +91,10 @@ def best_poses(points_mm: Array, pictures_px: Sequence[Array], error_px: float, 
     The second and all further `pictures_px` are the first one with its points moved a little. Raises ValueError where
     the points do not fix the plane.
     """
+    # Only who has a calibrated camera loads it.
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
     inside = points_mm.mean(axis=0)
     reach = float(np.linalg.norm(points_mm - inside, axis=1).max())
     usual = 0.5 * width / tan(radians(USUAL_VIEW_DEG) / 2)
@@ -134,6 +136,8 @@ def _in_front(matrix: Array, inside: Array) -> Array:
 
 def _start(columns: Array, f: float, inside: Array, reach: float) -> Array:
     """Rotation vector and place of `inside` in the camera's frame, in `reach`, by a homography and a focal length."""
+    from scipy.spatial.transform import Rotation
+
     scaled = np.column_stack([columns[:, :2] / f, columns[:, 2]])
     left, sizes, right = np.linalg.svd(scaled[:2].T, full_matrices=False)
     axes = left @ right  # the nearest two orthogonal unit vectors

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from lumpwatch.models.checks import check_shape
 from lumpwatch.models.evaluation.tracks import Tracks
@@ -79,6 +78,9 @@ def reaches(overlap: Array, threshold: float) -> Mask:
 
 def assign(score: Array, allowed: Mask) -> tuple[Indices, Indices]:
     """Rows and columns of the one-to-one assignment of allowed pairs with the largest sum of `score` >= 0."""
+    # A monitor, which assigns nothing here, need not load it.
+    from scipy.optimize import linear_sum_assignment
+
     rows, columns = linear_sum_assignment(np.where(allowed, score, 0.0), maximize=True)
     kept = allowed[rows, columns]
     return rows[kept], columns[kept]
