@@ -7,6 +7,7 @@ import json
 import logging
 import socket
 import threading
+from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from types import TracebackType
@@ -124,6 +125,14 @@ def _server_class(host: str) -> type[ThreadingHTTPServer]:
     return Server
 
 
+def _encoder(accept: str) -> tuple[Callable[[Any], bytes], str]:
+    """That of the format that is asked for; of the usual one where nobody can tell what is."""
+    try:
+        return choose_encoder(accept)
+    except (TypeError, ValueError):
+        return choose_encoder("")
+
+
 class _Handler(BaseHTTPRequestHandler):
     registry: CollectorRegistry
     health: Health
@@ -133,7 +142,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer one request."""
         path = self.path.partition("?")[0]
         if path == "/metrics":
-            encode, content_type = choose_encoder(self.headers.get("Accept", ""))
+            encode, content_type = _encoder(self.headers.get("Accept", ""))
             self._answer(HTTPStatus.OK, encode(WithOlderNames(self.registry)), content_type)
             return
         checks = {"/livez": self.health.live, "/readyz": self.health.ready, "/startupz": self.health.started}

@@ -6,12 +6,16 @@ Any other exception is a finding and goes up.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
+import logging
 import socket
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.bus.codec import decode_header, decode_pixels, encode_frame, encode_jpeg
 from lumpwatch.service.config import parse_config
@@ -23,6 +27,7 @@ from lumpwatch.service.protocol.requests import read_request
 from lumpwatch.service.storage.checksummed import seal
 from lumpwatch.service.storage.event_log import event_file
 from lumpwatch.service.storage.prior_file import decode_prior, encode_prior
+from lumpwatch.service.telemetry import TelemetryServer
 from tests.attacks.mutations import Random, mutated
 from tests.bus.test_bus_support import eventually
 from tests.gateway.test_modbus import Served, read, serving
@@ -163,6 +168,52 @@ def _rubbish(served: Served, master: socket.socket, sent: bytes) -> str:
     return TAKEN if answer[7:8] == b"\x04" else REFUSED
 
 
+_REQUESTS = (
+    b"GET /metrics HTTP/1.1\r\nHost: x\r\nAccept: application/openmetrics-text;version=1.0.0;q=0.5,*/*;q=0.1\r\n\r\n",
+    b"GET /metrics?name[]=up&name%5B%5D=x HTTP/1.1\r\nAccept: application/openmetrics-text;version=abc\r\n\r\n",
+    b"GET /readyz HTTP/1.0\r\n\r\n",
+    b"POST /livez HTTP/1.1\r\nContent-Length: 5\r\n\r\nhello",
+)
+
+
+@contextlib.contextmanager
+def page(_: Path) -> Iterator[Attack]:
+    """Requests to the page of metrics and health; the first of each kind is as it should be."""
+    health = SimpleNamespace(live=list, ready=list, started=list)
+    failures: list[type[BaseException]] = []
+
+    class Failures(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.exc_info is not None and (kind := record.exc_info[0]) is not None:
+                failures.append(kind)
+
+    told = logging.getLogger("lumpwatch.service.telemetry.http")
+    handler, level = Failures(), told.level
+    told.addHandler(handler)
+    told.setLevel(logging.DEBUG)
+    turn = itertools.count()
+
+    def attack(rng: Random) -> str:
+        number = next(turn)
+        whole = _REQUESTS[number % len(_REQUESTS)]
+        sent = whole if number < len(_REQUESTS) else mutated(whole, rng)
+        answer = b""
+        with socket.create_connection(address, timeout=5.0) as client, contextlib.suppress(OSError):
+            client.sendall(sent)
+            client.shutdown(socket.SHUT_WR)
+            answer = client.recv(300)
+        assert not [kind for kind in failures if not issubclass(kind, OSError)]
+        return TAKEN if b" 200 " in answer[:20] else REFUSED
+
+    try:
+        with TelemetryServer(("127.0.0.1", 0), CollectorRegistry(), health) as server:
+            address = ("127.0.0.1", int(server.url.rpartition(":")[2]))
+            yield attack
+    finally:
+        told.removeHandler(handler)
+        told.setLevel(level)
+
+
 KINDS: Mapping[str, Callable[[Path], contextlib.AbstractContextManager[Attack]]] = {
     "frames on the bus": frames,
     "commands on the bus": commands,
@@ -170,4 +221,5 @@ KINDS: Mapping[str, Callable[[Path], contextlib.AbstractContextManager[Attack]]]
     "priors with a right checksum": priors,
     "damaged event logs": event_logs,
     "Modbus requests": modbus,
+    "requests to the page": page,
 }

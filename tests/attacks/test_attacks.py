@@ -13,6 +13,7 @@ from tests.attacks.kinds import KINDS, REFUSED
 COUNTS = {
     "damaged event logs": 20,
     "Modbus requests": 40,
+    "requests to the page": 60,
     "configurations": 30,
     "priors with a right checksum": 30,
 }
