@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from lumpwatch.service.config import CameraConfig
-from lumpwatch.service.core import Frame
+from lumpwatch.service.core import Frame, tone_of
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.protocol import BlendPlan, BlendReply, place_at
 
@@ -33,7 +33,10 @@ class _Run:
         self._render = proof_render
         self._polygon = np.array(polygon)
         self._rng = np.random.default_rng(plan.seed)
-        self._sprite = proof_render.Sprite(self._rng, plan.greys)
+        if plan.lump is None:
+            self._sprite = proof_render.drawn_lump(self._rng, plan.greys)
+        else:
+            self._sprite = proof_render.labelled_lump(plan.lump)
         self._began_s: float | None = None
         self._around: tuple[float, float] = (0.0, 0.0)
         self._noise = 0.0
@@ -70,7 +73,7 @@ class _Run:
         part = luma[low[1] : high[1], low[0] : high[0]]
         if part.ndim == 3:
             part = part[..., 1]  # green is most of luma
-        self._around, self._noise = self._render.surroundings(part), self._render.grain(part)
+        self._around, self._noise = tone_of(part), self._render.grain(part)
 
 
 class Blender:

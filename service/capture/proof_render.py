@@ -1,4 +1,4 @@
-"""A synthetic lump drawn into a picture: a shaded, textured body with its shadow and the picture's own grain."""
+"""A lump put into a picture: a labelled one of the site, or a shaded body with its shadow and the picture's grain."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.roi import Image
+from lumpwatch.service.core import LARGEST_PX, MARGIN
+from lumpwatch.service.protocol import CutPicture
 from lumpwatch.service.simulator import View, body, draw_body, pyramid, turned
 
 _TEXELS = 160.0
 _VIEW = View(0.75, np.array([-0.42, -0.30, 0.856]) / np.linalg.norm([-0.42, -0.30, 0.856]))
 _CONTRAST, _SPREAD = 0.9, 0.55
 """Mean and spread of the lump's brightness above that of its surroundings, in standard deviations of those."""
-_LEAST_SPREAD = 8.0
 _BLOCK = 16
+_FADES = 0.85
+"""From here on to its border a cut fades; the corners of the labelled box lie just within."""
 
 Field = NDArray[np.float32]
 
@@ -22,21 +25,31 @@ Field = NDArray[np.float32]
 class Sprite:
     """The picture of one lump."""
 
-    def __init__(self, rng: np.random.Generator, greys: tuple[float, ...] | None) -> None:
-        """`greys` are quantiles of its brightness; None: to be taken from the surroundings."""
-        shape = draw_body(body(rng), turned(float(rng.uniform(0.0, 2 * np.pi))), _VIEW, _TEXELS)
-        grey, mask, shadow = np.moveaxis(shape.levels[0], 2, 0)
-        inside = mask > 0.5
-        values = grey / np.maximum(mask, 1e-3)
-        if greys is None:
-            drawn = (values - values[inside].mean()) / values[inside].std()
-        else:
-            ranks = np.searchsorted(np.sort(values[inside]), values) / np.count_nonzero(inside)
-            drawn = np.interp(ranks, np.linspace(0.0, 1.0, len(greys)), greys)
-        self.absolute = greys is not None
-        """Whether its brightness is given in grey levels, not in standard deviations around the mean."""
-        self._levels = pyramid(np.dstack((drawn * mask, mask, shadow)).astype(np.float32))
-        self._box = 2 * shape.half_width * _TEXELS, 2 * shape.half_height * _TEXELS
+    def __init__(
+        self,
+        picture: Field,
+        box: tuple[float, float],
+        *,
+        gain: float | None = None,
+        offset: float = 0.0,
+        grain: bool = True,
+    ) -> None:
+        """`picture` (k, k, 3) is brightness times body, body and shadow, `box` width and height of the body in it.
+
+        `gain` and `offset` are in standard deviations of the surroundings, from their mean; None: the brightness is
+        in grey levels. `grain` says whether the picture's own is put on it.
+        """
+        self._levels = pyramid(picture)
+        self._box = box
+        self._gain, self._offset = gain, offset
+        self.has_grain = grain
+
+    def greys(self, value: Field, mask: Field, around: tuple[float, float]) -> Field:
+        """Grey levels times body, in surroundings of that mean and spread."""
+        if self._gain is None:
+            return value
+        mean, spread = around
+        return np.asarray(mask * (mean + self._offset * spread) + self._gain * spread * value, np.float32)
 
     def at(self, x: float, y: float, w: float, h: float) -> tuple[Field, tuple[int, int]]:
         """Brightness times body, body and shadow (k, l, 3) of a lump whose box has this centre and size, px.
@@ -59,9 +72,39 @@ class Sprite:
         return np.asarray(cv2.warpAffine(picture, move, (columns, rows)), np.float32), (left, top)
 
 
-def surroundings(luma: Image) -> tuple[float, float]:
-    """Mean and standard deviation of a part of the picture."""
-    return float(luma.mean()), max(float(luma.std()), _LEAST_SPREAD)
+def drawn_lump(rng: np.random.Generator, greys: tuple[float, ...] | None) -> Sprite:
+    """A shaded body; `greys` are quantiles of its brightness, None: to be taken from the surroundings."""
+    shape = draw_body(body(rng), turned(float(rng.uniform(0.0, 2 * np.pi))), _VIEW, _TEXELS)
+    grey, mask, shadow = np.moveaxis(shape.levels[0], 2, 0)
+    inside = mask > 0.5
+    values = grey / np.maximum(mask, 1e-3)
+    if greys is None:
+        drawn = (values - values[inside].mean()) / values[inside].std()
+    else:
+        ranks = np.searchsorted(np.sort(values[inside]), values) / np.count_nonzero(inside)
+        drawn = np.interp(ranks, np.linspace(0.0, 1.0, len(greys)), greys)
+    return Sprite(
+        np.dstack((drawn * mask, mask, shadow)).astype(np.float32),
+        (2 * shape.half_width * _TEXELS, 2 * shape.half_height * _TEXELS),
+        gain=_SPREAD if greys is None else None,
+        offset=_CONTRAST,
+    )
+
+
+def labelled_lump(cut: CutPicture) -> Sprite:
+    """A lump as it looked, as much brighter or darker than its surroundings as it was then.
+
+    What lay close around it comes along, so that its outline does, and fades into the picture.
+    """
+    luma = np.frombuffer(cut.pixels, np.uint8).reshape(cut.height, cut.width).astype(np.float32)
+    side = LARGEST_PX
+    value = (cv2.resize(luma, (side, side), interpolation=cv2.INTER_LINEAR) - cut.mean) / cut.spread
+    across = np.abs((np.arange(side) + 0.5) / side * 2.0 - 1.0)
+    out = (across[:, None] ** 4 + across[None, :] ** 4) ** 0.25
+    mask = np.clip((1.0 - out) / (1.0 - _FADES), 0.0, 1.0)
+    of_box = side / (1.0 + 2.0 * MARGIN)
+    picture = np.dstack((value * mask, mask, np.zeros_like(mask))).astype(np.float32)
+    return Sprite(picture, (of_box, of_box), gain=1.0, grain=False)
 
 
 def grain(luma: Image) -> float:
@@ -94,9 +137,9 @@ def blend(
         return
     part = drawn[y0 - top : y1 - top, x0 - left : x1 - left]
     value, mask, shadow = part[..., 0], part[..., 1], part[..., 2]
-    mean, spread = around
-    grey = value if sprite.absolute else mask * (mean + _CONTRAST * spread) + _SPREAD * spread * value
-    grey = grey + mask * noise * rng.standard_normal(mask.shape, dtype=np.float32)
+    grey = sprite.greys(value, mask, around)
+    if sprite.has_grain:
+        grey = grey + mask * noise * rng.standard_normal(mask.shape, dtype=np.float32)
     keep = (1.0 - mask) * (1.0 - shadow)
     window = plane[y0:y1, x0:x1]
     if plane.ndim == 3:

@@ -32,6 +32,7 @@ from lumpwatch.service.training import (
     choose,
     coverage_warnings,
     cross_validate,
+    cut_lumps,
     gather,
     learn,
     objection_to,
@@ -137,6 +138,10 @@ def judge(
         told.facts["held_out"] = {"lumps": len(validation.whole), "found": len(validation.found)}
     for warning in own:
         told.warn(warning)
+    try:
+        store.keep_lumps(stored.meta.camera, roi.id, stored.version, cut_lumps(material, validation))
+    except StoreError as error:
+        told.warn(f"proof tests will draw their lump: {error}")  # the prior is stored all the same
     objection = objection_to(validation)
     paths = [store.report_path(stored.meta.camera, roi.id, stored.version)]
     if arguments.report is not None:

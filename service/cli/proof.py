@@ -11,7 +11,7 @@ from lumpwatch.service.cli.alarms import as_client, ask_one, read_answer
 from lumpwatch.service.cli.common import camera_of, roi_of
 from lumpwatch.service.cli.options import Commands, add_actor, add_command
 from lumpwatch.service.config import load_config
-from lumpwatch.service.protocol import SHOWS, Outcome, ProofResult
+from lumpwatch.service.protocol import Outcome, ProofResult
 
 _PATIENCE_S = 300.0
 
@@ -38,6 +38,7 @@ def proof(arguments: argparse.Namespace) -> int:
     config = load_config(arguments.config)
     cameras = config.cameras if arguments.camera is None else (camera_of(config, arguments.camera),)
     keys, passed = Keys(config.site), True
+    shown: dict[str, None] = {}
     with open_client(as_client(config.bus), wait=False) as bus:
         for camera in cameras:
             rois = camera.rois if arguments.roi is None else (roi_of(camera, arguments.roi),)
@@ -49,8 +50,9 @@ def proof(arguments: argparse.Namespace) -> int:
                 passed &= result.outcome is Outcome.PASSED
                 sys.stdout.write((answer.decode() if arguments.json else describe(result)) + "\n")
                 sys.stdout.flush()
+                shown[result.shows] = None
     if not arguments.json:
-        sys.stdout.write(SHOWS + "\n")
+        sys.stdout.write("".join(f"{words}\n" for words in shown))
     return 0 if passed else 1
 
 
@@ -60,5 +62,5 @@ def describe(result: ProofResult) -> str:
     warning = "no alarm" if result.warning_s is None else f"{result.warning_s:.1f} s of warning"
     return (
         f"{result.camera}/{result.roi}: {result.outcome.value}{why}, {warning}, "
-        f"existence up to {result.existence:.2f}, prior {result.prior}"
+        f"existence up to {result.existence:.2f}, prior {result.prior}, {result.lump or 'a drawn lump'}"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -22,6 +22,9 @@ class ProofTestConfig(Strict):
     """Times of day (UTC, HH:MM) of the tests, instead of `every_s`."""
     least_warning_s: Delay = 0.0
     """The test fails where the alarm comes fewer seconds before the lump is at the lip (the end of the ROI)."""
+    lump: Literal["labelled", "drawn"] = "labelled"
+    """What is shown: the labelled lumps that the prior in use was trained on, in turn and the hardest first, or a drawn
+    one. Where the training left no labelled ones, one is drawn."""
     settle_s: PositiveSeconds = 5.0
     """How long the test filter sees the belt before the lump comes."""
     retry_s: PositiveSeconds = 300.0

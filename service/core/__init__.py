@@ -68,6 +68,7 @@ from lumpwatch.service.core.duration import moment_of, seconds_of
 from lumpwatch.service.core.feed import FeedState, FeedStatus, PlantFeed, VisibleSizes
 from lumpwatch.service.core.frame import Encoding, Frame
 from lumpwatch.service.core.logs import LEVEL, log_level, log_to_stderr
+from lumpwatch.service.core.lump_cut import LARGEST_PX, MARGIN, LumpCut, tone_of
 from lumpwatch.service.core.media_time import MediaClock, StreamClock
 from lumpwatch.service.core.pace import Pace, PaceState
 from lumpwatch.service.core.plain_text import printable
@@ -77,7 +78,9 @@ from lumpwatch.service.core.video_writer import VideoWriter, frame_rate
 
 __all__ = [
     "COLOURS",
+    "LARGEST_PX",
     "LEVEL",
+    "MARGIN",
     "NOT_COUNTED",
     "Alarm",
     "AlarmAction",
@@ -102,6 +105,7 @@ __all__ = [
     "Frame",
     "Hold",
     "LipReason",
+    "LumpCut",
     "LumpSize",
     "MediaClock",
     "NotCounted",
@@ -144,6 +148,7 @@ __all__ = [
     "take_out",
     "tick_alarm",
     "to_bgr",
+    "tone_of",
     "unshelve",
     "unsuppress",
     "utc",

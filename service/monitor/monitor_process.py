@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from multiprocessing.connection import Connection
 
 from prometheus_client import CollectorRegistry
@@ -14,8 +15,9 @@ from lumpwatch.service.evidence import EvidenceKeeper
 from lumpwatch.service.monitor.monitor import Monitor
 from lumpwatch.service.monitor.proof.chain import ProofTest, Site
 from lumpwatch.service.monitor.proof.keeper import ProofKeeper
+from lumpwatch.service.monitor.proof.lumps import stored_lumps
 from lumpwatch.service.monitor.proofs import Proofs
-from lumpwatch.service.storage import EventWriter, Retention
+from lumpwatch.service.storage import EventWriter, PriorStore, Retention
 from lumpwatch.service.telemetry import DaemonConnection, MonitorMetrics, ProofMetrics
 
 
@@ -31,11 +33,12 @@ def run_monitor(config: SiteConfig, camera_id: str, connection: Connection) -> N
     retention = Retention(config.store.keep_events_days, config.store.keep_events)
     events = EventWriter(config.store.path, camera_id, metrics, time.time, retention=retention)
     evidence = EvidenceKeeper(config, camera_id, metrics)
+    priors = PriorStore(config.store.path, config.store.keep_priors)
     try:
         with open_client(config.bus, daemon.stop) as bus:
 
             def make_proofs(watched: Site) -> Proofs:
-                test = ProofTest(config.site, camera, bus, watched)
+                test = ProofTest(config.site, camera, bus, watched, partial(stored_lumps, priors, camera_id))
                 return ProofKeeper(camera, config.store.path, test.run, proofs, now)
 
             Monitor(

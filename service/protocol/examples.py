@@ -26,7 +26,14 @@ from lumpwatch.service.protocol.messages import (
     StateMessage,
     Timing,
 )
-from lumpwatch.service.protocol.proof import BlendPlan, BlendReply, LumpAt, Outcome, ProofResult
+from lumpwatch.service.protocol.proof import (
+    SHOWS_LABELLED,
+    BlendPlan,
+    BlendReply,
+    LumpAt,
+    Outcome,
+    ProofResult,
+)
 from lumpwatch.service.protocol.requests import ActReply
 from lumpwatch.service.protocol.shadow import ShadowState
 from lumpwatch.service.protocol.verdict import VerdictOutcome, VerdictReply
@@ -198,6 +205,8 @@ _MODELS: tuple[BaseModel, ...] = (
         existence=0.998,
         prior=3,
         actor="anna",
+        lump="lump 5 of crusher-1.mp4, the hardest",
+        shows=SHOWS_LABELLED,
     ),
     BlendPlan(
         roi=_ROI,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
 from datetime import datetime
 from enum import StrEnum
 from itertools import pairwise
@@ -9,6 +10,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from lumpwatch.service.core import LARGEST_PX
 from lumpwatch.service.protocol.messages import Record
 from lumpwatch.service.protocol.requests import OptionalName, Request
 
@@ -46,12 +48,20 @@ class ProofReason(StrEnum):
     """The daemon was stopped (inconclusive)."""
 
 
-SHOWS = (
-    "A proof test shows that the chain from the camera's frames to the alarm works now, with this light and this "
-    "prior. Its lump is drawn: it does not show that lumps like those of this site are found. A backtest on labelled "
-    "footage of the site shows that."
+_WORKS = (
+    "A proof test shows that the chain from the camera's frames to the alarm works now, "
+    "with this light and this prior"
 )
-"""What may be concluded from a proof test, for people; it stands with every result."""
+SHOWS_DRAWN = (
+    f"{_WORKS}. Its lump is drawn: it does not show that lumps like those of this site are found. A backtest on "
+    "labelled footage of the site shows that."
+)
+"""What may be concluded from a proof test with a drawn lump, for people."""
+SHOWS_LABELLED = (
+    f"{_WORKS}, and whether it finds this one lump of the site, cut from the footage that the prior was trained on. It "
+    "does not show how many others are found. A backtest on labelled footage that nothing was trained on shows that."
+)
+"""What may be concluded from one with a labelled lump."""
 
 
 class ProofRequest(Request):
@@ -85,7 +95,9 @@ class ProofResult(Record):
     """Version of the prior in use."""
     actor: str = ""
     """Who asked; empty: the schedule."""
-    shows: str = SHOWS
+    lump: str = ""
+    """Which labelled lump of the site it was; empty: a drawn one."""
+    shows: str = SHOWS_DRAWN
     """What may be concluded from it and what not."""
 
 
@@ -109,6 +121,36 @@ class LumpAt(Record):
     """Height of its box."""
 
 
+class CutPicture(Record):
+    """A labelled lump, to be shown as it looked."""
+
+    width: int = Field(ge=4, le=LARGEST_PX)
+    """Columns of the picture, px; it holds the labelled box and a fifth of its sides around it."""
+    height: int = Field(ge=4, le=LARGEST_PX)
+    """Rows of the picture, px."""
+    luma: Annotated[str, Field(max_length=(LARGEST_PX**2 + 2) // 3 * 4)]
+    """Its grey levels row by row, one byte each, as base64."""
+    mean: float = Field(ge=0.0, le=255.0)
+    """Mean grey level of the region when it was cut."""
+    spread: float = Field(gt=0.0, le=255.0)
+    """Standard deviation of those."""
+
+    @property
+    def pixels(self) -> bytes:
+        """`luma` again."""
+        return b64decode(self.luma, validate=True)
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        try:
+            whole = len(self.pixels) == self.width * self.height
+        except ValueError:
+            whole = False
+        if not whole:
+            raise ValueError("luma: is not base64 of width times height bytes")
+        return self
+
+
 class BlendPlan(Record):
     """Asks the camera's process for frames with a synthetic lump, beside the others; a new plan ends the old."""
 
@@ -120,6 +162,8 @@ class BlendPlan(Record):
     """For how long frames are sent."""
     greys: Annotated[tuple[_Grey, ...], Field(min_length=2, max_length=256)] | None = None
     """Quantiles of the lump's brightness from dark to bright; null: somewhat brighter than its surroundings."""
+    lump: CutPicture | None = None
+    """The lump that is shown; null: one is drawn."""
     seed: int = Field(default=1, ge=0, lt=2**31)
     """Of its shape and grain."""
 

@@ -32,6 +32,7 @@ from lumpwatch.service.storage.label_file import (
     read_labels,
 )
 from lumpwatch.service.storage.lock import lock_cameras
+from lumpwatch.service.storage.lump_cuts import LumpCutError, decode_cuts, encode_cuts
 from lumpwatch.service.storage.prior_file import Prior, PriorError, PriorMeta, decode_prior, encode_prior
 from lumpwatch.service.storage.prior_store import Found, PriorStore, check_owner, read_file
 from lumpwatch.service.storage.reference_store import (
@@ -54,6 +55,7 @@ __all__ = [
     "FootageArchive",
     "Found",
     "LabelError",
+    "LumpCutError",
     "Prior",
     "PriorError",
     "PriorMeta",
@@ -71,7 +73,9 @@ __all__ = [
     "alarm_of",
     "check_frames",
     "check_owner",
+    "decode_cuts",
     "decode_prior",
+    "encode_cuts",
     "encode_fit",
     "encode_prior",
     "event_file",

@@ -2,6 +2,7 @@
 
     <store>/priors/<camera>/<roi>/000001.prior, 000002.prior, …
     <store>/priors/<camera>/<roi>/000001.html      the report of its training, where it was trained here
+    <store>/priors/<camera>/<roi>/000001.lumps     labelled lumps cut for proof tests, where it was trained here
     <store>/priors/<camera>/<roi>/current          the number in use, as text; 0: the stated defaults
     <store>/priors/<camera>/<roi>/shadow           the number that is tried in shadow, while one is
     <store>/priors/<camera>/<roi>/000002.trial     this version has never been in use
@@ -15,17 +16,20 @@ from __future__ import annotations
 
 import contextlib
 import errno
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lumpwatch.service.core import read_bounded
-from lumpwatch.service.storage.atomic import write_new_file
+from lumpwatch.service.core import LumpCut, read_bounded
+from lumpwatch.service.storage.atomic import replace_file, write_new_file
+from lumpwatch.service.storage.lump_cuts import MOST_BYTES, LumpCutError, decode_cuts, encode_cuts
 from lumpwatch.service.storage.prior_file import MAX_BYTES, Prior, PriorError, decode_prior, encode_prior
 from lumpwatch.service.storage.versions import StoreError, Versions
 
 _SUFFIX = ".prior"
 _TRIAL = ".trial"
 _REPORT = ".html"
+_LUMPS = ".lumps"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,22 @@ class PriorStore:
     def report_path(self, camera: str, roi: str, version: int) -> Path:
         """The report of the training that made a version; it goes when the version goes."""
         return self.path(camera, roi, version).with_suffix(_REPORT)
+
+    def keep_lumps(self, camera: str, roi: str, version: int, cuts: Sequence[LumpCut]) -> None:
+        """Keep lumps cut for proof tests beside a version; they go when the version goes. Raises StoreError."""
+        with self._of(camera, roi).writing():
+            replace_file(self._lumps(camera, roi, version), encode_cuts(cuts))
+
+    def lumps(self, camera: str, roi: str, version: int) -> tuple[LumpCut, ...]:
+        """The lumps beside a version; none where none were cut. Raises LumpCutError."""
+        path = self._lumps(camera, roi, version)
+        try:
+            content = read_bounded(path, MOST_BYTES)
+        except FileNotFoundError:
+            return ()
+        except OSError as error:
+            raise LumpCutError(f"{path}: cannot be read ({error.strerror})") from error
+        return decode_cuts(content, str(path))
 
     def load(self, camera: str, roi: str, version: int) -> Prior:
         """One version; raises PriorError, also for a prior of another camera or ROI."""
@@ -245,6 +265,9 @@ class PriorStore:
     def _mark(self, camera: str, roi: str, version: int) -> Path:
         return self.path(camera, roi, version).with_suffix(_TRIAL)
 
+    def _lumps(self, camera: str, roi: str, version: int) -> Path:
+        return self.path(camera, roi, version).with_suffix(_LUMPS)
+
     def _remove_old(self, camera: str, roi: str, staged: int | None = None) -> None:
         """Down to `keep`: first what has never been in use, then the oldest.
 
@@ -259,6 +282,7 @@ class PriorStore:
                 self.path(camera, roi, version).unlink()
                 self._mark(camera, roi, version).unlink(missing_ok=True)
                 self.report_path(camera, roi, version).unlink(missing_ok=True)
+                self._lumps(camera, roi, version).unlink(missing_ok=True)
 
 
 def check_owner(prior: Prior, camera: str, roi: str, name: str) -> None:

@@ -10,6 +10,7 @@ from lumpwatch.service.training.footage import TrainingError
 from lumpwatch.service.training.histogram_rate import HISTOGRAM_TRIALS
 from lumpwatch.service.training.label_proposals import accept_proposals, parse_ids, to_text
 from lumpwatch.service.training.learner import Trained, learn, tempered, with_choices_of
+from lumpwatch.service.training.lump_cuts import cut_lumps
 from lumpwatch.service.training.picture_reference import Recording, learn_reference
 from lumpwatch.service.training.proposal_sheet import contact_sheet
 from lumpwatch.service.training.proposing import Surest, suggest
@@ -40,6 +41,7 @@ __all__ = [
     "contact_sheet",
     "coverage_warnings",
     "cross_validate",
+    "cut_lumps",
     "export",
     "gather",
     "learn",

@@ -148,7 +148,7 @@ def cross_validate(
     for number, group in enumerate(groups, start=1):
         lumps = [material.lumps[k] for k in group]
         rest = material.without(lumps, FOLD_VIEWS)
-        names = ", ".join(_name(material, lump) for lump in lumps)
+        names = ", ".join(name_of(material, lump) for lump in lumps)
         try:
             learned = learn(roi, rest.footage, rest.tracks, rest.source).learned
         except TrainingError as error:
@@ -163,7 +163,7 @@ def cross_validate(
                 if judged:
                     held.append(HeldOut(lump, judged, _warned(roi, material, learned, lump)))
                 else:
-                    failures.append(f"{_name(material, lump)} lies in no picture that could be judged")
+                    failures.append(f"{name_of(material, lump)} lies in no picture that could be judged")
         advance(number)
     if not held:
         return Validation(len(groups), (), (), tuple(failures))
@@ -173,7 +173,8 @@ def cross_validate(
     return Validation(len(groups), tuple(held), bins, tuple(failures))
 
 
-def _name(material: Material, lump: Lump) -> str:
+def name_of(material: Material, lump: Lump) -> str:
+    """Which lump, for people."""
     return f"lump {lump.id} of {material.clips[lump.clip].name}"
 
 

@@ -19,20 +19,23 @@ from lumpwatch.models.jdt.row_profile import default_profile
 from lumpwatch.models.plane import fit_plane, side_of
 from lumpwatch.models.roi import make_roi
 from lumpwatch.service.capture.proof_blender import Blender, BlendRequestError
-from lumpwatch.service.capture.proof_render import Sprite, blend, grain
+from lumpwatch.service.capture.proof_render import blend, drawn_lump, grain, labelled_lump
 from lumpwatch.service.config.proof import ProofTestConfig
 from lumpwatch.service.core.clock import Clocks, utc
 from lumpwatch.service.core.decision import Decision, Trouble
 from lumpwatch.service.core.frame import Encoding
+from lumpwatch.service.core.lump_cut import LumpCut
 from lumpwatch.service.detection import CameraPipeline, make_region
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.monitor.proof.keeper import ProofError, ProofKeeper
+from lumpwatch.service.monitor.proof.lumps import as_message, next_lump, sides_on_belt, stored_lumps
 from lumpwatch.service.monitor.proof.mouth import LATE_S, MouthPassage, way_into
 from lumpwatch.service.monitor.proof.passage import Ended, Passage, overlaps
-from lumpwatch.service.monitor.proof.path import greys_of, make_way, reached_lip
+from lumpwatch.service.monitor.proof.path import greys_of, make_way, over_profile, reached_lip
 from lumpwatch.service.monitor.proof.schedule import is_due, is_overdue
 from lumpwatch.service.protocol.proof import BlendPlan, LumpAt, Outcome, ProofReason, ProofResult
 from lumpwatch.service.protocol.proof_path import place_at
+from lumpwatch.service.storage import PriorStore
 from lumpwatch.service.telemetry.proof import ProofMetrics
 from tests.detection.test_mouth import Scene as MouthScene
 from tests.detection.test_mouth import camera as mouth_camera
@@ -134,7 +137,7 @@ def test_the_greys_of_a_histogram_are_its_quantiles() -> None:
 
 def test_the_lump_fills_its_box_and_changes_nothing_far_from_it() -> None:
     plane = np.full((300, 400), 90, np.uint8)
-    sprite = Sprite(np.random.default_rng(3), None)
+    sprite = drawn_lump(np.random.default_rng(3), None)
     blend(plane, sprite, (200.0, 150.0, 80.0, 60.0), (90.0, 20.0), 0.0, np.random.default_rng(1))
     bright = plane > 92  # the shadow only darkens
     rows, columns = np.flatnonzero(bright.any(1)), np.flatnonzero(bright.any(0))
@@ -158,7 +161,100 @@ def test_any_place_is_drawn_or_left_out(x: float, y: float, w: float, h: float) 
         assert np.all(plane == 90)
 
 
-SPRITE = Sprite(np.random.default_rng(3), (10.0, 20.0, 240.0))
+SPRITE = drawn_lump(np.random.default_rng(3), (10.0, 20.0, 240.0))
+
+
+def cut(
+    name: str = "lump 3 of clip.mp4", box: tuple[float, float, float, float] = (0.5, 0.5, 0.2, 0.1)
+) -> LumpCut:
+    """Dark stone with a bright spot, 40 x 20 px, on ore of grey 100."""
+    picture = np.full((28, 56), 100, np.uint8)
+    picture[4:24, 8:48] = 60
+    picture[10:14, 20:30] = 200
+    return LumpCut(name, picture, box, (100.0, 20.0))
+
+
+def test_a_labelled_lump_looks_as_it_did_at_any_size_and_in_any_light() -> None:
+    sprite = labelled_lump(as_message(cut()))
+    for factor in (1, 3):
+        plane = np.full((120 * factor, 160 * factor), 100, np.uint8)
+        box = (80.0 * factor, 60.0 * factor, 40.0 * factor, 20.0 * factor)
+        blend(plane, sprite, box, (100.0, 20.0), 5.0, np.random.default_rng(1))
+        assert plane[66 * factor, 70 * factor] == pytest.approx(60, abs=1)
+        assert plane[58 * factor, 77 * factor] == pytest.approx(200, abs=20)
+        columns = np.flatnonzero((plane < 80).any(0))
+        assert (columns[0], columns[-1] + 1) == pytest.approx((60 * factor, 100 * factor), abs=1 + factor)
+        assert np.all(plane[: 40 * factor] == 100)
+    night = np.full((120, 160), 30, np.uint8)
+    blend(night, sprite, (80.0, 60.0, 40.0, 20.0), (30.0, 10.0), 5.0, np.random.default_rng(1))
+    assert night[66, 70] == pytest.approx(30 - 2 * 10, abs=1)  # two deviations darker, as it was by day
+
+
+def test_the_labelled_lumps_come_in_turn_and_one_that_is_missed_again() -> None:
+    cuts = [cut("a, the hardest"), cut("b"), cut("c")]
+
+    def after(lump: str, outcome: Outcome) -> str:
+        last = ProofResult(site="pit", camera="cam", roi="apron", time=utc(0.0), outcome=outcome, lump=lump)
+        chosen = next_lump(cuts, last)
+        assert chosen is not None
+        return chosen.name
+
+    first = next_lump(cuts, None)
+    assert first is not None
+    assert first.name == "a, the hardest"
+    assert after("", Outcome.PASSED) == "a, the hardest"
+    assert [after(name, Outcome.PASSED) for name in ("a, the hardest", "b", "c")] == [
+        "b",
+        "c",
+        "a, the hardest",
+    ]
+    assert after("b", Outcome.FAILED) == "b"
+    assert next_lump([], None) is None
+
+
+def test_a_labelled_lump_keeps_its_size_beside_that_of_others() -> None:
+    """Lumps are 0.1 ROI heights at that row: one of 0.2 x 0.1 is twice as wide as they are, on all its way."""
+    profile = default_profile(240.0, 24.0, 24.0, 120.0)
+    size_of = over_profile(cut(), profile, 240.0)
+    assert size_of == pytest.approx((2.0, 1.0))
+    way = make_way(ROI, profile, SIZE, 5.0, size_of=size_of)
+    assert way.path[0].w * 640 == pytest.approx(48.0)
+    assert way.path[0].h * 480 == pytest.approx(24.0)
+
+
+def test_on_a_calibrated_belt_a_labelled_lump_keeps_its_diameter_and_is_over_the_limit() -> None:
+    points = np.array([[220.0, 100.0], [420.0, 100.0], [560.0, 440.0], [80.0, 440.0]])
+    belt = np.array([[0.0, 0.0], [2000.0, 0.0], [2000.0, 5000.0], [0.0, 5000.0]])
+    plane = fit_plane(points, belt, 1.0, SIZE, np.array([[80.0, 440.0], [560.0, 440.0]]))
+    side = float(side_of(plane, np.array([[320.0, 250.0]]), 900.0)[0])
+    wide = np.array([320.0 - side, 250.0 - side / 4, 2 * side, side / 2])  # twice as wide, half as high
+    far, near = (sides_on_belt(plane, 600.0, wide, 320.0, y) for y in (250.0, 400.0))
+    assert far is not None
+    assert near is not None
+    assert far == pytest.approx((2 * side, side / 2), rel=0.02)
+    assert near[0] / near[1] == pytest.approx(4.0)
+    assert near[0] > far[0]
+    small = np.array([318.0, 248.0, 4.0, 4.0])
+    least = float(side_of(plane, np.array([[320.0, 250.0]]), 660.0)[0])
+    assert sides_on_belt(plane, 600.0, small, 320.0, 250.0) == pytest.approx((least, least), rel=0.02)
+    assert sides_on_belt(plane, None, small, 320.0, 250.0) is None
+
+
+def test_lumps_that_cannot_be_read_are_none_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store = PriorStore(tmp_path)
+    assert stored_lumps(store, "cam", "apron", 1) == ()
+    store.folder("cam", "apron").mkdir(parents=True)
+    store.keep_lumps("cam", "apron", 1, [cut()])
+    (found,) = stored_lumps(store, "cam", "apron", 1)
+    assert (found.name, found.box, found.tone) == (cut().name, cut().box, cut().tone)
+    assert np.array_equal(found.picture, cut().picture)
+    assert not caplog.records
+    path = store.path("cam", "apron", 1).with_suffix(".lumps")
+    path.write_bytes(path.read_bytes()[:-1])
+    assert stored_lumps(store, "cam", "apron", 1) == ()
+    assert "truncated" in caplog.text
 
 
 def test_grain_is_the_noise_of_the_picture() -> None:
@@ -216,6 +312,8 @@ def test_copies_of_the_frames_carry_the_lump_and_the_frames_do_not(encoding: Enc
         (plan(roi="lip"), "roi: camera cam has no 'lip'"),
         (plan(lasts_s=0), "lasts_s"),
         (plan(path=[]), "path"),
+        (plan(lump={"width": 8, "height": 8, "luma": "AAAA", "mean": 9, "spread": 9}), "lump: .*base64"),
+        (plan(lump={"width": 9999, "height": 8, "luma": "AAAA", "mean": 9, "spread": 9}), "lump.width"),
     ],
 )
 def test_a_bad_plan_is_refused_in_one_line(payload: bytes, told: str) -> None:
@@ -282,6 +380,7 @@ class World:
         self.outcome, self.reason = Outcome.PASSED, None
         self.registry = CollectorRegistry()
         self.ran: list[str] = []
+        self.last: ProofResult | None = None
         self.meanwhile: Callable[[str, str], None] = lambda roi, actor: None
         self.keeper = self.made()
 
@@ -293,7 +392,8 @@ class World:
     def clocks(self) -> Clocks:
         return Clocks(self.now_s, 1.7e9 + self.now_s)
 
-    def run(self, roi: str, actor: str) -> ProofResult:
+    def run(self, roi: str, actor: str, last: ProofResult | None) -> ProofResult:
+        self.last = last
         self.ran.append(roi)
         self.meanwhile(roi, actor)
         return ProofResult(

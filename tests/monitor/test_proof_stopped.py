@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from prometheus_client import CollectorRegistry
 
 from lumpwatch.service.bus import Bus, BusClosed
 from lumpwatch.service.bus.endpoints import Reply
-from lumpwatch.service.core import FeedState
+from lumpwatch.service.config import CameraConfig
+from lumpwatch.service.config.proof import ProofTestConfig
+from lumpwatch.service.core import FeedState, LumpCut
 from lumpwatch.service.core.clock import Clocks
 from lumpwatch.service.core.decision import Decision
 from lumpwatch.service.core.frame import Frame
 from lumpwatch.service.monitor.proof.chain import ProofTest, Site
 from lumpwatch.service.monitor.proof.keeper import ProofKeeper
-from lumpwatch.service.protocol.proof import Outcome, ProofReason
+from lumpwatch.service.monitor.proof.lumps import as_message
+from lumpwatch.service.protocol.proof import SHOWS_DRAWN, SHOWS_LABELLED, BlendPlan, Outcome, ProofReason
 from lumpwatch.service.telemetry.proof import ProofMetrics
 from tests.service_helpers import HEIGHT, WIDTH, camera, frame, prior
 
@@ -43,6 +48,7 @@ class FakeBus:
 
     def __init__(self, end: Callable[[], Frame | None], *, answers: bool = True) -> None:
         self._end, self._answers = end, answers
+        self.asked: list[BlendPlan] = []
 
     def alarm_publisher(self, key: str) -> None:
         """None: no alarm comes."""
@@ -50,7 +56,8 @@ class FakeBus:
     def frame_inbox(self, key: str) -> Inbox:
         return Inbox(self._end)
 
-    def ask(self, key: str, **_: Any) -> list[Reply]:
+    def ask(self, key: str, *, payload: bytes, **_: Any) -> list[Reply]:
+        self.asked.append(BlendPlan.model_validate_json(payload))
         return [Reply(key, b"{}", None)] if self._answers else []
 
 
@@ -76,7 +83,13 @@ def broken() -> Frame | None:
     raise ValueError("a frame that makes no sense")
 
 
-def proof(bus: FakeBus, stop: Stop, feed: FeedState = FeedState.RUNNING) -> ProofTest:
+def proof(
+    bus: FakeBus,
+    stop: Stop,
+    feed: FeedState = FeedState.RUNNING,
+    lumps: Sequence[LumpCut] = (),
+    config: CameraConfig | None = None,
+) -> ProofTest:
     watched = Site(
         size=lambda: (WIDTH, HEIGHT),
         prior=lambda roi: prior(),
@@ -84,8 +97,27 @@ def proof(bus: FakeBus, stop: Stop, feed: FeedState = FeedState.RUNNING) -> Proo
         stopped=stop,
         feed=lambda roi: feed,
     )
-    config = camera().model_copy(update={"blind_after_s": 0.0})
-    return ProofTest("pit", config, cast("Bus", bus), watched)
+    config = (config or camera()).model_copy(update={"blind_after_s": 0.0})
+    return ProofTest("pit", config, cast("Bus", bus), watched, lambda *_: lumps)
+
+
+def test_the_result_says_which_lump_was_shown_and_what_that_means() -> None:
+    cut = LumpCut("lump 3 of a.mp4", np.full((8, 12), 90, np.uint8), (0.5, 0.5, 0.2, 0.1), (100.0, 20.0))
+    bus = FakeBus(silent)
+    shown = proof(bus, Stop(), lumps=[cut]).run("apron", "")
+    drawn = proof(bus, Stop()).run("apron", "")
+    roi = camera().rois[0]
+    wanted = roi.model_copy(update={"proof_test": ProofTestConfig(lump="drawn")})
+    config = camera().model_copy(update={"rois": (wanted,)})
+    asked_for = proof(bus, Stop(), lumps=[cut], config=config).run("apron", "")
+    assert [(one.lump, one.shows) for one in (shown, drawn, asked_for)] == [
+        ("lump 3 of a.mp4", SHOWS_LABELLED),
+        ("", SHOWS_DRAWN),
+        ("", SHOWS_DRAWN),
+    ]
+    assert [plan.lump for plan in bus.asked] == [as_message(cut), None, None]
+    again = proof(bus, Stop(), lumps=[cut, replace(cut, name="b")]).run("apron", "", shown)
+    assert (shown.outcome, again.lump) == (Outcome.FAILED, "lump 3 of a.mp4")
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from lumpwatch.service.training.coverage import coverage_warnings, relative_size
 from lumpwatch.service.training.cross_validation import Validation, cross_validate
 from lumpwatch.service.training.dataset import Material, clips_of, gather
 from lumpwatch.service.training.learner import learn
+from lumpwatch.service.training.lump_cuts import cut_lumps
 from tests.service_helpers import prior, site, site_tree
 
 pytestmark = pytest.mark.slow
@@ -132,6 +133,7 @@ def test_several_clips_and_a_report(small: Site, capsys: pytest.CaptureFixture[s
     assert stored.meta.frames == 180 + 90 + 30
     text = report.read_text(encoding="utf-8")
     assert store.report_path("cam", "apron", stored.version).read_text(encoding="utf-8") == text
+    assert store.lumps("cam", "apron", stored.version)
     page = Page(text)
     assert f"{ODD}" in page.text  # as text, not as a tag
     assert "<b>" not in text
@@ -314,6 +316,24 @@ def test_every_lump_is_judged_without_itself(
         assert all(one.lump.id in material.footage.moments[k.view].tracks for k in one.judged)
         assert one.hardest.margin == min(k.margin for k in one.judged)
         assert one.warned_s is None or one.warned_s >= 0
+    check_cuts(material, found)
+
+
+def check_cuts(material: Material, found: Validation) -> None:
+    """What proof tests show: the hardest first, each as it lies in a picture, with a fifth of its sides around it."""
+    cuts = cut_lumps(material, found, most=3)
+    assert len(cuts) == 3
+    assert "the hardest" in cuts[0].name
+    for cut in cuts:
+        x, y, w, h = (side * material.footage.roi.shape[0] for side in cut.box)
+        left, top = round(x - 0.7 * w), round(y - 0.7 * h)
+        rows, columns = cut.picture.shape
+        assert (columns, rows) == pytest.approx((1.4 * w, 1.4 * h), abs=1.0)
+        pictures = (view.view.gray for view in material.footage.views)
+        assert any(
+            np.array_equal(one[top : top + rows, left : left + columns], cut.picture) for one in pictures
+        )
+    assert not any("hardest" in cut.name for cut in cut_lumps(material, None))
 
 
 def test_a_held_out_lump_is_found_when_the_alarm_stands(small: Site, material: Material) -> None:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 import numpy as np
 
-from lumpwatch.models.plane import side_of
 from lumpwatch.service.belt import make_plane
 from lumpwatch.service.bus import Bus, BusClosed, Keys
 from lumpwatch.service.config import CameraConfig, RoiConfig
@@ -23,6 +23,7 @@ from lumpwatch.service.core import (
     Clocks,
     Decision,
     FeedState,
+    LumpCut,
     RoiResult,
     StreamClock,
     utc,
@@ -30,10 +31,13 @@ from lumpwatch.service.core import (
 from lumpwatch.service.detection import CameraPipeline, Snapshot, make_profile, make_region
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.monitor.inbox import on_this_clock
+from lumpwatch.service.monitor.proof.lumps import as_message, next_lump, sides_on_belt
 from lumpwatch.service.monitor.proof.mouth import MouthPassage, way_into
 from lumpwatch.service.monitor.proof.passage import Ended, Passage
-from lumpwatch.service.monitor.proof.path import Way, greys_of, make_way, reached_lip
+from lumpwatch.service.monitor.proof.path import Way, greys_of, make_way, over_profile, reached_lip
 from lumpwatch.service.protocol import (
+    SHOWS_DRAWN,
+    SHOWS_LABELLED,
     BlendPlan,
     Outcome,
     ProofReason,
@@ -44,8 +48,6 @@ from lumpwatch.service.storage import Prior
 
 log = logging.getLogger(__name__)
 
-_OVERSIZE = 1.5
-"""Diameter of the lump over the limit of a calibrated ROI."""
 _AFTER_S = 1.0
 _TAKE_S = 0.25
 _DRAW_S = 10.0
@@ -75,21 +77,34 @@ class Site:
 class ProofTest:
     """Tests the ROIs of one camera, one at a time; `run` blocks its thread until the lump has passed."""
 
-    def __init__(self, site: str, camera: CameraConfig, bus: Bus, watched: Site) -> None:
+    def __init__(
+        self,
+        site: str,
+        camera: CameraConfig,
+        bus: Bus,
+        watched: Site,
+        lumps: Callable[[str, int], Sequence[LumpCut]] = lambda *_: (),
+    ) -> None:
+        """`lumps` gives the labelled lumps that came with a version of a ROI's prior."""
         self._site = site
         self._camera = camera
         self._bus = bus
         self._site_state = watched
+        self._lumps = lumps
         self._keys = Keys(site)
         self._alarms = {
             roi.id: bus.alarm_publisher(self._keys.test(camera.id, roi.id)) for roi in camera.rois
         }
         self._sequence = 0
 
-    def run(self, roi_id: str, actor: str) -> ProofResult:
-        """Test one ROI; INCONCLUSIVE where the daemon stops meanwhile. Raises KeyError for another ROI."""
+    def run(self, roi_id: str, actor: str, last: ProofResult | None = None) -> ProofResult:
+        """Test one ROI, whose last judged test ended so; INCONCLUSIVE where the daemon stops meanwhile.
+
+        Raises KeyError for another ROI.
+        """
         roi = self._camera.roi(roi_id)
         prior = self._site_state.prior(roi_id)
+        cut = self._lump(roi, prior, last)
         result = ProofResult(
             site=self._site,
             camera=self._camera.id,
@@ -98,10 +113,12 @@ class ProofTest:
             outcome=Outcome.FAILED,
             prior=prior.version if prior else 0,
             actor=actor,
+            lump="" if cut is None else cut.name,
+            shows=SHOWS_DRAWN if cut is None else SHOWS_LABELLED,
         )
         passage = MouthPassage(roi) if roi.watches_mouth else Passage(roi)
         try:
-            self._pass(roi, prior, passage)
+            self._pass(roi, prior, cut, passage)
         except Ended as end:
             passage.outcome, passage.reason = end.outcome, end.reason
         except BusClosed:
@@ -121,7 +138,7 @@ class ProofTest:
             }
         )
 
-    def _pass(self, roi: RoiConfig, prior: Prior | None, passage: Passage) -> None:
+    def _pass(self, roi: RoiConfig, prior: Prior | None, cut: LumpCut | None, passage: Passage) -> None:
         """Let the lump pass through the test chain."""
         self._check(roi.id)
         feed = self._site_state.feed(roi.id)
@@ -132,13 +149,14 @@ class ProofTest:
         size = self._site_state.size()
         if size is None:
             raise Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND)
-        way = self._way(roi, prior, size)
+        way = self._way(roi, prior, cut, size)
         lasts_s = way.path[-1].t_s + _AFTER_S
         plan = BlendPlan(
             roi=roi.id,
             path=way.path,
             lasts_s=lasts_s,
             greys=greys_of(prior.learned if prior else None),
+            lump=None if cut is None else as_message(cut),
             seed=int(time.time()) % 2**31,
         )
         alone = self._camera.model_copy(update={"rois": (_alone(roi),)})
@@ -179,24 +197,29 @@ class ProofTest:
             blind = decision is Decision.BLIND
             raise Ended(Outcome.INCONCLUSIVE, ProofReason.BLIND if blind else ProofReason.DISTURBED)
 
-    def _way(self, roi: RoiConfig, prior: Prior | None, size: tuple[int, int]) -> Way:
+    def _way(self, roi: RoiConfig, prior: Prior | None, cut: LumpCut | None, size: tuple[int, int]) -> Way:
         geometry = make_region(roi, *size)
         if roi.watches_mouth:
             return way_into(geometry, roi, size)
         learned = prior.learned if prior else None
         profile = make_profile(roi.detector.size_h, learned, geometry)
         settle_s = roi.proof_test.settle_s
+        height = float(geometry.shape[0])
+        size_of = (1.0, 1.0) if cut is None else over_profile(cut, profile, height)
         if roi.calibration is None:
-            return make_way(geometry, profile, size, settle_s)
+            return make_way(geometry, profile, size, settle_s, size_of=size_of)
         plane, limit_mm = make_plane(roi.calibration, *size), roi.calibration.limit_mm
+        box = None if cut is None else geometry.to_frame(height * np.array([cut.box]))[0]
+        sides = partial(sides_on_belt, plane, limit_mm, box)
+        return make_way(
+            geometry, profile, size, settle_s, sides, lambda box: reached_lip(plane, box), size_of=size_of
+        )
 
-        def width(x: float, y: float) -> float | None:
-            if limit_mm is None:
-                return None
-            side = float(side_of(plane, np.array([[x, y]]), _OVERSIZE * limit_mm)[0])
-            return side if np.isfinite(side) else None
-
-        return make_way(geometry, profile, size, settle_s, width, lambda box: reached_lip(plane, box))
+    def _lump(self, roi: RoiConfig, prior: Prior | None, last: ProofResult | None) -> LumpCut | None:
+        """The labelled lump to show; None where one is drawn."""
+        if prior is None or roi.watches_mouth or roi.proof_test.lump == "drawn":
+            return None
+        return next_lump(self._lumps(roi.id, prior.version), last)
 
     def _ask(self, plan: BlendPlan) -> None:
         replies = self._bus.ask(self._keys.blend(self._camera.id), payload=plan.line(), timeout_s=_DRAW_S)

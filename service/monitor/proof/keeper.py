@@ -22,8 +22,8 @@ from lumpwatch.service.telemetry import ProofMetrics
 
 log = logging.getLogger(__name__)
 
-Run = Callable[[str, str], ProofResult]
-"""Tests a ROI on behalf of an actor."""
+Run = Callable[[str, str, ProofResult | None], ProofResult]
+"""Tests a ROI on behalf of an actor; told how its last judged test ended."""
 
 
 class ProofError(LumpwatchError):
@@ -88,7 +88,7 @@ class ProofKeeper:
             raise ProofError("another proof test of this camera is running")
         try:
             log.info("%s/%s: proof test begins", self._camera.id, roi)
-            result = self._run(roi, actor)
+            result = self._run(roi, actor, self._rois[roi].judged)
         finally:
             self._running.release()
         self._take(roi, result)

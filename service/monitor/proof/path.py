@@ -12,6 +12,7 @@ from lumpwatch.models.jdt.row_profile import RowProfile
 from lumpwatch.models.learning.learned import HistogramFit, Learned
 from lumpwatch.models.plane import BeltPlane, measure
 from lumpwatch.models.roi import Roi
+from lumpwatch.service.core import LumpCut
 from lumpwatch.service.protocol import LumpAt
 
 STEP_S = 0.1
@@ -38,24 +39,25 @@ def make_way(
     profile: RowProfile,
     size: tuple[int, int],
     begins_s: float,
-    width_px: Callable[[float, float], float | None] = lambda x, y: None,
+    sides_px: Callable[[float, float], tuple[float, float] | None] = lambda x, y: None,
     beyond: Callable[[Array], bool] | None = None,
+    size_of: tuple[float, float] = (1.0, 1.0),
 ) -> Way:
     """The way in a picture of `size` (w, h), from above the ROI until it has left below.
 
-    `profile` is in working pixels. `width_px` gives the width of a lump at a place of the picture where a
-    calibration knows it; `beyond` says whether a box (x, y, w, h by its centre, px) has reached the lip.
+    `profile` is in working pixels. `sides_px` gives width and height of the lump at a place of the picture
+    where a calibration knows them; `beyond` says whether a box (x, y, w, h by its centre, px) has reached the lip.
+    `size_of` is the lump's width and height over those of the profile.
     """
     height = float(roi.shape[0])
-    y, t = -0.5 * _dimensions(profile, 0.0)[1], begins_s
+    y, t = -0.5 * size_of[1] * _dimensions(profile, 0.0)[1], begins_s
     path: list[LumpAt] = []
     arrives_s: float | None = None
     while t - begins_s < LONGEST_S:
         working = np.array([[_middle(roi, y), y, *_dimensions(profile, y)]])
         x0, y0, w, h = roi.to_frame(working)[0]
         centre = np.array([x0 + w / 2, y0 + h / 2])
-        if (known := width_px(*centre)) is not None:
-            w = h = known
+        w, h = sides_px(*centre) or (w * size_of[0], h * size_of[1])
         reached = beyond is not None and beyond(np.array([*centre, w, h]))
         if arrives_s is None and (reached or y + 0.5 * h * roi.scale >= height):
             arrives_s = t
@@ -72,6 +74,13 @@ def reached_lip(plane: BeltPlane, box: Array) -> bool:
     """Whether a box (x, y, w, h by its centre, px) has reached the lip."""
     found = measure(plane, box, np.zeros(2), np.ones(6))
     return found is not None and found.distance_m.value <= 0.0
+
+
+def over_profile(cut: LumpCut, profile: RowProfile, height: float) -> tuple[float, float]:
+    """Width and height of a lump over what the profile has at its row; `height` is that of the region, working px."""
+    _, y, w, h = (height * value for value in cut.box)
+    usual_w, usual_h = _dimensions(profile, y)
+    return w / usual_w, h / usual_h
 
 
 def greys_of(learned: Learned | None) -> tuple[float, ...] | None:
