@@ -7,60 +7,57 @@ standard error; a traceback is a bug.
 from __future__ import annotations
 
 import argparse
-import importlib
 import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from lumpwatch.service.cli.compiled import unpack_kernels
+from lumpwatch.service.cli.late import module_of
 from lumpwatch.service.cli.overview import overview, unknown
 from lumpwatch.service.cli.word_order import verb_first
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.threads import use_one_thread
 
 _MODULES = {
-    "run": ("run",),
-    "console": ("console",),
-    "users": ("users",),
-    "gateway": ("gateway",),
+    "arguments.run": ("run",),
+    "arguments.console": ("console",),
+    "arguments.users": ("users",),
+    "arguments.gateway": ("gateway",),
     "health": ("health",),
-    "demo": ("demo",),
-    "replay": ("replay",),
-    "evaluate": ("evaluate",),
-    "backtest": ("backtest",),
-    "train": ("train",),
-    "refine": ("refine",),
-    "reference": ("reference",),
-    "priors": ("priors",),
-    "check": ("check",),
-    "bench": ("bench",),
+    "arguments.demo": ("demo",),
+    "arguments.replay": ("replay",),
+    "arguments.evaluate": ("evaluate",),
+    "arguments.backtest": ("backtest",),
+    "arguments.train": ("train",),
+    "arguments.refine": ("refine",),
+    "arguments.reference": ("reference",),
+    "arguments.priors": ("priors",),
+    "arguments.check": ("check",),
+    "arguments.bench": ("bench",),
     "init": ("init",),
-    "snapshot": ("snapshot", "record"),
-    "schema": ("schema",),
-    "alarms": ("alarms",),
-    "operate": ("ack", "reset", "shelve", "unshelve", "service"),
-    "events": ("events",),
-    "evidence": ("evidence",),
-    "verdict": ("verdict",),
-    "labels": ("labels",),
-    "report": ("report",),
-    "proof": ("proof",),
-    "lens": ("lens",),
-    "simulate": ("simulate",),
-    "deploy": ("deploy",),
+    "arguments.snapshot": ("snapshot", "record"),
+    "arguments.schema": ("schema",),
+    "arguments.alarms": ("alarms",),
+    "arguments.operate": ("ack", "reset", "shelve", "unshelve", "service"),
+    "arguments.events": ("events",),
+    "arguments.evidence": ("evidence",),
+    "arguments.verdict": ("verdict",),
+    "arguments.labels": ("labels",),
+    "arguments.report": ("report",),
+    "arguments.proof": ("proof",),
+    "arguments.lens": ("lens",),
+    "arguments.simulate": ("simulate",),
+    "arguments.deploy": ("deploy",),
     "completion": ("completion",),
 }
-"""Modules of this package and their commands. Only the one that is asked for is imported: some take seconds."""
+"""Modules of this package that add commands, by what they add. Only the one that is asked for is imported, and what a
+command does only when it is to be done."""
 _WITH_VERBS = ("evidence", "service", "users", "verdict")
 """Commands whose verb 0.1 had behind the file."""
-_EXTRAS = {
-    "console": ("anyio", "jinja2", "starlette", "uvicorn"),
-}
-"""What an extra brings."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -85,22 +82,8 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
     modules = [module for module, names in _MODULES.items() if command is None or command in names]
     for module in modules:
-        _module(module).add(commands)
+        module_of(module).add(commands)
     return top
-
-
-def _module(name: str) -> Any:
-    """A module of this package. Raises LumpwatchError where the installation holds the numerics alone."""
-    try:
-        return importlib.import_module(f"lumpwatch.service.cli.{name}")
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.startswith("lumpwatch"):
-            raise
-        missing = error.name.partition(".")[0]
-        extra = next((name for name, packages in _EXTRAS.items() if missing in packages), "service")
-        raise LumpwatchError(
-            f"the package {error.name} is missing, which the command needs: pip install 'lumpwatch[{extra}]'"
-        ) from error
 
 
 @contextmanager

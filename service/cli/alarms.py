@@ -10,49 +10,20 @@ import threading
 import time
 from collections.abc import Collection, Mapping
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TextIO, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from lumpwatch.service.bus import Bus, Keys, open_client
+from lumpwatch.service.cli.arguments.alarms import SILENT
 from lumpwatch.service.cli.colours import coloured, wanted
 from lumpwatch.service.cli.common import camera_of, stop_on_signals
-from lumpwatch.service.cli.options import Commands, add_actor, add_command
 from lumpwatch.service.config import BusConfig, load_config
 from lumpwatch.service.core import AlarmClass, AlarmState, printable
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 from lumpwatch.service.protocol import AlarmEvent, Silence, SilenceWatch, StateMessage
 
 _LONGEST_LINE = 1 << 20
-SILENT = 3
-"""Exit code of `--exit-on-silence`."""
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "alarms",
-        alarms,
-        "Follow the alarms of a running daemon: past ones that it still holds, the present states, and "
-        "whatever comes. Says SILENT when nothing valid is heard of a camera, and when it is heard again. On a "
-        "terminal LUMP is red, BLIND and SILENT are violet, unless NO_COLOR is set.",
-        "lumpwatch alarms site.yaml --exit-on-silence || page-someone",
-    )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument("--json", action="store_true", help="print the records as they are, one a line")
-    parser.add_argument("--camera", metavar="ID", help="of this camera only")
-    parser.add_argument("--count", type=int, metavar="N", help="end after N alarm records")
-    parser.add_argument(
-        "--exit-on-silence",
-        action="store_true",
-        help=f"end with code {SILENT} as soon as a camera is silent (for scripts)",
-    )
-    parser.add_argument(
-        "--ack", metavar="CAMERA/ROI", help="acknowledge the alarm of this ROI instead of following"
-    )
-    add_actor(parser, "who acknowledges (with --ack)", required=False)
 
 
 def as_client(bus: BusConfig) -> BusConfig:

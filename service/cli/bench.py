@@ -12,7 +12,7 @@ from pathlib import Path
 from lumpwatch.service.capture import record
 from lumpwatch.service.cli.camera_cost import ROUNDS, USABLE, Cost, measure_cost
 from lumpwatch.service.cli.common import camera_of, progress
-from lumpwatch.service.cli.options import Commands, add_command, add_json, add_span, tell_json
+from lumpwatch.service.cli.options import tell_json
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.storage import PriorStore
@@ -25,27 +25,6 @@ NOT_MEASURED = (
 """What the figures leave out; said with them."""
 _LOADED = 0.5
 """Load a processor from which the machine counts as busy."""
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "bench",
-        bench,
-        "Measure what each camera takes of this machine, and how many such cameras it carries.",
-        "lumpwatch bench site.yaml --for 20s",
-    )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument("--camera", metavar="ID", help="this camera only")
-    parser.add_argument(
-        "--video",
-        type=Path,
-        metavar="FILE",
-        help="measure on this file, as the camera sends it (default: a clip is taken of the source)",
-    )
-    add_span(parser, "for", "length that is measured", default="10s", older="seconds")
-    add_json(parser)
 
 
 def bench(arguments: argparse.Namespace) -> int:

@@ -18,7 +18,6 @@ from lumpwatch.models.roi import Image
 from lumpwatch.service.belt import make_pace, make_plane, never_clear, pixels_of
 from lumpwatch.service.capture import look_at
 from lumpwatch.service.cli.common import camera_of
-from lumpwatch.service.cli.options import Commands, add_command, picture_size
 from lumpwatch.service.cli.snapshot import save_picture
 from lumpwatch.service.config import CameraConfig, SiteConfig, load_config
 from lumpwatch.service.core import read_bounded, write_words
@@ -28,46 +27,6 @@ from lumpwatch.service.runtime import check_priors, check_simulations
 
 _ASSUMED = (1920, 1080)
 """Size of pictures that nobody has seen yet."""
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "check",
-        check,
-        "Check a configuration, its calibrations and the priors it uses, without starting anything; on request also "
-        "what the cameras send.",
-        "lumpwatch check site.yaml --connect\n  lumpwatch check site.yaml --picture crusher-1.png --out grid.png",
-    )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument(
-        "--size",
-        type=picture_size,
-        metavar="WxH",
-        help="size of the pictures, such as 1920x1080 (default: that of --picture, what --connect finds, or 1920x1080)",
-    )
-    parser.add_argument(
-        "--camera", metavar="ID", help="of this camera only; with --picture whose picture it is"
-    )
-    parser.add_argument(
-        "--picture",
-        type=Path,
-        metavar="FILE",
-        help="still of a camera: draw its polygons and calibrations on it (lumpwatch snapshot saves one)",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="where the drawn picture goes (default: FILE-checked.png beside it)",
-    )
-    parser.add_argument(
-        "--connect",
-        action="store_true",
-        help="open each source: size, rate, codec, key frames, clock; with --out a still of one camera goes there",
-    )
-    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
 
 
 @dataclass(slots=True)

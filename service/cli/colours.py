@@ -15,12 +15,19 @@ _COLOURS = {
     "blind raised": _VIOLET,
 }
 """Of a state, and of the record of an alarm: one of a lump does not name its class."""
+STYLES = {"LUMP": "bold red", "BLIND": "bold magenta"}
+"""The same for tables; rich honours `NO_COLOR` and what is no terminal by itself."""
 _STATE = re.compile(r"\b(LUMP|BLIND|SILENT)\b|(?<=: )(?:TEST )?(raised|blind raised)\b")
 
 
 def wanted(stream: TextIO, environment: Mapping[str, str]) -> bool:
     """Whether to colour: on a terminal that can, unless `NO_COLOR` holds anything (no-color.org)."""
     return not environment.get("NO_COLOR") and environment.get("TERM") != "dumb" and stream.isatty()
+
+
+def change_style(alarm_class: str, change: str) -> str:
+    """How a table shows a change of an alarm: as the record of it is shown by `coloured`."""
+    return STYLES.get(alarm_class.upper(), "") if change in ("raised", "re_alarmed") else ""
 
 
 def coloured(line: str) -> str:

@@ -18,7 +18,6 @@ from lumpwatch.service.bus import Bus, Keys, open_client
 from lumpwatch.service.cli.alarms import describe_alarm
 from lumpwatch.service.cli.beside import Gateway, Page
 from lumpwatch.service.cli.common import stop_on_signals
-from lumpwatch.service.cli.options import Commands, add_command, duration
 from lumpwatch.service.config import BusConfig, SiteConfig, parse_config
 from lumpwatch.service.core import LEVEL, AlarmClass, log_to_stderr
 from lumpwatch.service.protocol import AlarmEvent, SilenceWatch, StateMessage
@@ -31,24 +30,6 @@ FEED = "lumps_per_minute=4&dust=0.25"
 SEED = 10  # a lump comes early, and between two lumps the belt is clear
 CAMERA, ROI = "crusher-1", "apron"
 _EVERY_S = 2.0
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "demo",
-        demo,
-        "Run the daemon on a simulated crusher feed and follow it as a bus client would.",
-        "lumpwatch demo --for 60s",
-    )
-    length = parser.add_mutually_exclusive_group()
-    length.add_argument(
-        "--for", dest="for_s", type=duration, default=0.0, metavar="TIME",
-        help="end by itself after this long, such as 60s (default: Ctrl-C ends it)",
-    )  # fmt: skip
-    length.add_argument("--seconds", dest="for_s", type=float, default=0.0, help=argparse.SUPPRESS)
-    parser.add_argument("--seed", type=int, default=SEED, help="seed of the simulated feed")
 
 
 def demo_config(store: Path, seed: int) -> str:
@@ -78,7 +59,7 @@ def demo(arguments: argparse.Namespace) -> int:
     stop = stop_on_signals()
     console = Console(highlight=False)
     with tempfile.TemporaryDirectory(prefix="lumpwatch-demo-") as folder:
-        text = demo_config(Path(folder) / "var", arguments.seed)
+        text = demo_config(Path(folder) / "var", SEED if arguments.seed is None else arguments.seed)
         config = parse_config(text, "demo configuration")
         console.print("[bold]The configuration of this demo:[/bold]")
         console.print(text, markup=False, soft_wrap=True)

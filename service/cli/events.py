@@ -8,13 +8,13 @@ import json
 import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from lumpwatch.service.cli.colours import change_style
 from lumpwatch.service.cli.common import camera_of
-from lumpwatch.service.cli.options import Commands, add_command
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import moment_of, printable
 from lumpwatch.service.errors import ConfigError
@@ -26,30 +26,6 @@ _COLUMNS = (
 )  # fmt: skip
 _WIDE = 240
 """Columns of a table that goes to a file or a pipe: nothing is folded."""
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "events",
-        events,
-        "Print the event log: every change of every alarm and what operators did, oldest first.",
-        "lumpwatch events site.yaml --since 12h --format csv > shift.csv",
-    )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument(
-        "--since",
-        metavar="TIME",
-        help="only later ones: 2024-05-17T06:00 (local time unless it says otherwise), or 12h ago as 12h",
-    )
-    parser.add_argument("--camera", metavar="ID", help="of this camera only")
-    parser.add_argument(
-        "--format", choices=("table", "jsonl", "csv"), default="table", help="how to print (default: table)"
-    )
-    parser.add_argument(
-        "--json", action="store_const", const="jsonl", dest="format", help="one record a line: --format jsonl"
-    )
 
 
 def events(arguments: argparse.Namespace) -> int:
@@ -83,7 +59,7 @@ def _table(found: Iterator[Event]) -> None:
             when,
             printable(where),
             str(event.sequence),
-            event.change,
+            Text(event.change, change_style(event.alarm_class.value, event.change)),
             event.after,
             printable(event.actor or ""),
             printable(event.reason or ""),

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
-from lumpwatch.service.config import parse_config
 from lumpwatch.service.errors import ConfigError, LumpwatchError
 
 _QUESTIONS = (
@@ -119,6 +118,8 @@ def configuration(file: str, found: dict[str, str]) -> str:
         source=json.dumps(found["source"]),
         limit=limit,
     )
+    from lumpwatch.service.config import parse_config
+
     parse_config(text, file, secrets=False)
     return text
 

@@ -4,35 +4,13 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from pathlib import Path
 
-from lumpwatch.service.cli.options import Commands, add_command, add_json, tell_json
+from lumpwatch.service.cli.options import tell_json
 from lumpwatch.service.config import load_config
 from lumpwatch.service.errors import ConfigError
 from lumpwatch.service.evidence import Evidence, EvidenceStore
 from lumpwatch.service.storage import EventLogError, Verdict, event_file, latest_verdicts, reading
 from lumpwatch.service.training import export
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "labels",
-        labels,
-        "Make labelled clips of judged alarms: true ones with the boxes of their tracks for `train`, false "
-        "ones as clips without a lump.",
-        "lumpwatch labels site.yaml --from-verdicts --out labelled",
-    )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument(
-        "--from-verdicts",
-        action="store_true",
-        required=True,
-        help="of the alarms with a verdict and evidence",
-    )
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for clips and labels")
-    add_json(parser, "print how many clips were made and left out as JSON")
 
 
 def labels(arguments: argparse.Namespace) -> int:

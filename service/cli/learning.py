@@ -87,20 +87,6 @@ class Told:
         )
 
 
-def add_judging(parser: argparse.ArgumentParser) -> None:
-    """Add the options of judging and reporting."""
-    parser.add_argument(
-        "--report", type=Path, metavar="HTML", help="write the report here as well as beside the prior"
-    )
-    parser.add_argument(
-        "--folds",
-        type=int,
-        default=5,
-        metavar="N",
-        help="parts of the cross-validation by lump in the report; 0 for none (default 5)",
-    )
-
-
 def learn_from(
     camera: CameraConfig, roi: RoiConfig, clips: tuple[Clip, ...], told: Told, *, choosing: bool
 ) -> tuple[Material, Trained]:

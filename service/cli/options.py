@@ -92,13 +92,11 @@ def add_span(
     into = f"{name.replace('-', '_')}_s"
     group = parser.add_mutually_exclusive_group()
     group.add_argument(
-        f"--{name}", dest=into, type=duration, default=duration(default), metavar="TIME",
+        f"--{name}", dest=into, type=duration, default=default, metavar="TIME",
         help=f"{text} (default {default})",
     )  # fmt: skip
     if older is not None:
-        group.add_argument(
-            f"--{older}", dest=into, type=float, default=duration(default), help=argparse.SUPPRESS
-        )
+        group.add_argument(f"--{older}", dest=into, type=float, default=default, help=argparse.SUPPRESS)
 
 
 def picture_size(text: str) -> tuple[int, int]:

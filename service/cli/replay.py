@@ -11,10 +11,11 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from lumpwatch.service.capture import read_frames
+from lumpwatch.service.cli.colours import STYLES
 from lumpwatch.service.cli.common import camera_of, progress
-from lumpwatch.service.cli.options import Commands, add_command, add_json, add_loudness
 from lumpwatch.service.config import CameraConfig, load_config
 from lumpwatch.service.core import Frame, RoiResult
 from lumpwatch.service.detection import CameraPipeline
@@ -33,54 +34,6 @@ from lumpwatch.service.offline import (
 from lumpwatch.service.protocol import summary as lines_of
 from lumpwatch.service.runtime import check_priors
 from lumpwatch.service.storage import PriorStore, ReferenceStore
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "replay",
-        replay,
-        "Run a camera's pipeline on a video file or a folder of images, as fast as it goes.",
-        "lumpwatch replay site.yaml clip.mp4 --camera crusher-1 --out out --plot --overlay",
-    )
-    parser.add_argument(
-        "config",
-        type=Path,
-        nargs="?",
-        metavar="CONFIG",
-        help="configuration file (YAML); not with --evidence",
-    )
-    parser.add_argument(
-        "video",
-        type=Path,
-        nargs="?",
-        metavar="VIDEO",
-        help="video file or folder of images; not with --evidence",
-    )
-    parser.add_argument(
-        "--camera", metavar="ID", help="camera whose ROIs look at the file (default: the only one)"
-    )
-    parser.add_argument(
-        "--evidence",
-        type=Path,
-        metavar="DIR",
-        help="replay the evidence of an alarm instead, from the filter state that it holds, and compare the "
-        "decisions with those made live; exit code 1 where they differ",
-    )
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder for the results")
-    parser.add_argument("--plot", action="store_true", help="draw the existence curve of each ROI (PNG)")
-    parser.add_argument(
-        "--overlay", action="store_true", help="write a video with ROI, particles, estimate and existence"
-    )
-    parser.add_argument(
-        "--shadow",
-        type=int,
-        metavar="VERSION",
-        help="run that version of the prior in shadow; how it differs is written to shadow.json",
-    )
-    add_json(parser, "print what summary.json holds")
-    add_loudness(parser)
 
 
 def replay(arguments: argparse.Namespace) -> int:
@@ -213,7 +166,7 @@ def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None
     if any(counts.states["BLOCKED"] for counts in summary.rois.values()):
         found.append("BLOCKED")
     for heading in ("roi", "alarms", *found, "CLEAR", "BLIND", "most", "prior"):
-        table.add_column(heading)
+        table.add_column(heading, header_style=STYLES.get(heading, ""))
     for roi, counts in summary.rois.items():
         share = {
             name: f"{100 * count / max(counts.frames, 1):.1f} %" for name, count in counts.states.items()
@@ -221,8 +174,11 @@ def _print(summary: Summary, out: Path, seconds: float, reference: bool) -> None
         table.add_row(
             roi,
             _alarms(counts),
-            *(share.get(name, "0 %") for name in (*found, "CLEAR")),
-            _blind(counts),
+            *(
+                Text(share.get(name, "0 %"), STYLES.get(name, "") if counts.states[name] else "")
+                for name in (*found, "CLEAR")
+            ),
+            Text(_blind(counts), STYLES["BLIND"] if counts.states["BLIND"] else ""),
             f"{counts.highest_existence:.3f}",
             str(counts.prior or "none"),
         )

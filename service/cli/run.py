@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import logging
-from pathlib import Path
 
 from lumpwatch.service.cli.common import camera_of, stop_on_signals
-from lumpwatch.service.cli.options import Commands, add_command, add_loudness
 from lumpwatch.service.config import load_config
 from lumpwatch.service.core import log_to_stderr
 from lumpwatch.service.runtime import (
@@ -20,27 +18,6 @@ from lumpwatch.service.runtime import (
 from lumpwatch.service.runtime import run as run_daemon
 
 log = logging.getLogger(__name__)
-
-
-def add(commands: Commands) -> None:
-    """Add the command."""
-    parser = add_command(
-        commands,
-        "run",
-        run,
-        "Run the daemon until it is told to stop (Ctrl-C or SIGTERM).",
-        "lumpwatch run site.yaml",
-    )
-    parser.add_argument("config", type=Path, metavar="CONFIG", help="configuration file (YAML)")
-    parser.add_argument(
-        "--camera", action="append", default=[], metavar="ID", help="only this camera (may be repeated)"
-    )
-    parser.add_argument(
-        "--only",
-        choices=("camera", "monitor"),
-        help="only the processes that read cameras, or only those that filter; the others run elsewhere",
-    )
-    add_loudness(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

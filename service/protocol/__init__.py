@@ -3,7 +3,6 @@
 from lumpwatch.service.protocol.asyncapi import asyncapi_text
 from lumpwatch.service.protocol.commands import (
     COMMANDS,
-    Cli,
     Command,
     FeedReply,
     FeedRequest,
@@ -86,7 +85,6 @@ __all__ = [
     "BlendPlan",
     "BlendReply",
     "BlockageRecord",
-    "Cli",
     "Command",
     "Counts",
     "CutPicture",

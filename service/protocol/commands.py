@@ -1,7 +1,8 @@
 """The command table: one row a command that operators, plant control and programs can give on the bus.
 
 From a row come the key expression, the JSON Schema of the request, the channel in the AsyncAPI document, the rule
-of access control, the label of the metric of refusals, and where it has a `cli` the subcommand of `lumpwatch`.
+of access control, and the label of the metric of refusals. What operators do to alarms has a subcommand of
+`lumpwatch`, whose options are the fields of the request.
 A row with an `action` is complete: the monitor does it to the alarm. What the others do needs the store or the proof
 test and is bound by name in the monitor (`lumpwatch.service.monitor.command_server`).
 """
@@ -49,17 +50,6 @@ class Lane(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Cli:
-    """The subcommand of `lumpwatch`; its options come from the fields of the request."""
-
-    text: str
-    example: str = "{where}"
-    """What stands behind CONFIG in its example; `{where}` becomes `--camera`, `--roi` and `--by`."""
-    verb: str = ""
-    """What stands before CONFIG in its example, with a blank behind it."""
-
-
-@dataclass(frozen=True, slots=True)
 class Command:
     """One row. The example shows the request in documents, and its type is the model of the request."""
 
@@ -75,7 +65,6 @@ class Command:
     reply: type[Record] | Content = ActReply
     puts: bool = False
     """Whether a plain put of the request as JSON does it too."""
-    cli: Cli | None = None
 
     @property
     def request(self) -> type[Request]:
@@ -203,7 +192,6 @@ _ROWS = (
         Role.OPERATOR,
         AckRequest(actor="anna"),
         _acknowledge,
-        cli=Cli("Acknowledge an alarm of a running daemon."),
     ),
     Command(
         "reset",
@@ -211,7 +199,6 @@ _ROWS = (
         Role.OPERATOR,
         ResetRequest(actor="anna"),
         _reset,
-        cli=Cli("Reset an alarm that is over and acknowledged, but latched."),
     ),
     Command(
         "shelve",
@@ -219,10 +206,6 @@ _ROWS = (
         Role.OPERATOR,
         ShelveRequest(actor="anna", reason="dust from the repair", for_s=1800.0),
         _shelve,
-        cli=Cli(
-            "Keep an alarm from being announced for a limited time; the condition is judged and recorded on.",
-            '{where} --for 30m --reason "dust from the repair"',
-        ),
     ),
     Command(
         "unshelve",
@@ -230,7 +213,6 @@ _ROWS = (
         Role.OPERATOR,
         UnshelveRequest(actor="anna"),
         _unshelve,
-        cli=Cli("End the shelving of an alarm."),
     ),
     Command(
         "service",
@@ -238,11 +220,6 @@ _ROWS = (
         Role.OPERATOR,
         ServiceRequest(actor="anna", state="out", reason="camera is being moved"),
         _service,
-        cli=Cli(
-            "Take an alarm out of service, or put it back in; it stays out until then.",
-            '{where} --reason "camera is being moved"',
-            verb="out ",
-        ),
     ),
     Command(
         "suppress",

@@ -1,15 +1,22 @@
-"""Colours of `lumpwatch alarms`: on a terminal only, and not where NO_COLOR is set."""
+"""Colours of states: on a terminal only, and not where NO_COLOR is set."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import sys
+from collections import Counter
+from pathlib import Path
 
 import pytest
 
+from lumpwatch.service.cli import events, replay
 from lumpwatch.service.cli.alarms import _Follower, describe_alarm, describe_state
 from lumpwatch.service.cli.colours import coloured
+from lumpwatch.service.core import Alarm, AlarmClass
+from lumpwatch.service.offline import RoiSummary, Summary
+from lumpwatch.service.storage import Event
 from tests.protocol.test_messages import RECORDS
 
 RED, VIOLET, PLAIN = "\x1b[1;31m", "\x1b[1;35m", "\x1b[0m"
@@ -73,3 +80,53 @@ def test_states_and_alarms_in_colours() -> None:
     assert f"cam: {VIOLET}SILENT{PLAIN}," in coloured("cam: SILENT, no heartbeat")
     cleared = describe_alarm(alarm).replace(": raised", ": cleared")
     assert coloured(cleared) == cleared
+
+
+def event(alarm_class: str, change: str) -> Event:
+    return Event(
+        time_s=1.7e9,
+        monotonic_s=5.0,
+        clock="c",
+        camera="cam",
+        roi="apron",
+        alarm_class=AlarmClass(alarm_class),
+        change=change,
+        before="NORMAL",
+        after="UNACKNOWLEDGED",
+        actor=None,
+        reason=None,
+        existence=0.9,
+        frame=1,
+        id="1",
+        sequence=1,
+        alarm=Alarm(),
+    )
+
+
+@pytest.mark.parametrize(("no_color", "coloured_cells"), [(None, True), ("1", False)])
+def test_tables_have_the_same_colours(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    no_color: str | None,
+    coloured_cells: bool,
+) -> None:
+    """Of a replay and of the event log, as a terminal gets them."""
+    for name, value in (("FORCE_COLOR", "1"), ("TERM", "xterm"), ("COLUMNS", "200")):
+        monkeypatch.setenv(name, value)
+    if no_color is None:
+        monkeypatch.delenv("NO_COLOR", raising=False)
+    else:
+        monkeypatch.setenv("NO_COLOR", no_color)
+    counts = RoiSummary(frames=10, states=Counter(LUMP=2, BLIND=1, CLEAR=7), blind=Counter(dark=1))
+    summary = Summary("pit", "cam", "a.mp4", frames=10, rois={"apron": counts})
+    replay._print(summary, Path("out"), 1.0, True)
+    events._table(iter([event("lump", "raised"), event("blind", "raised"), event("lump", "cleared")]))
+    told = capsys.readouterr().out
+    assert (re.search(rf"{re.escape(RED)} *20.0 %", told) is not None) is coloured_cells
+    assert (re.search(rf"{re.escape(VIOLET)} *10.0 % dark", told) is not None) is coloured_cells
+    for colour in (RED, VIOLET):
+        assert (
+            re.search(rf"{re.escape(colour)}raised *{re.escape(PLAIN)}", told) is not None
+        ) is coloured_cells
+    assert "cleared" in told
+    assert f"{RED}cleared" not in told

@@ -19,7 +19,7 @@ from deploy.kubernetes.make_site import files_of, write
 from deploy.kubernetes.make_site import read as read_site
 from lumpwatch.service.bus import SHARED_MEMORY_MIB
 from lumpwatch.service.capture import spec_of
-from lumpwatch.service.cli import backtest
+from lumpwatch.service.cli.arguments import backtest
 from lumpwatch.service.config import parse_config
 from lumpwatch.service.deployment.bundling import CONFIG, USER
 from lumpwatch.service.errors import ConfigError
