@@ -7,6 +7,7 @@ a particle.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,12 @@ def check_rng(rng: object, name: str = "rng") -> None:
         raise ValueError(  # noqa: TRY004  a seed is a value that users try
             f"{name} must be a numpy.random.Generator (numpy.random.default_rng(1)), not {_given(rng)}"
         )
+
+
+def check_positive(value: object, name: str) -> None:
+    """A number that is positive and finite."""
+    if not isinstance(value, Real) or not 0.0 < value < float("inf"):
+        raise ValueError(f"{name} must be positive and finite, not {value}")
 
 
 def check_shape(values: Any, shape: tuple[int | str, ...], name: str) -> None:

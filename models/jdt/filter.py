@@ -29,7 +29,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lumpwatch.models.checks import check_known, check_rng, check_shape
+from lumpwatch.models.checks import check_known, check_positive, check_rng, check_shape
 from lumpwatch.models.jdt.births import Births
 from lumpwatch.models.jdt.doors import check_belief, check_cause, check_parts, log_ratio_of
 from lumpwatch.models.jdt.existence import ExistenceChain
@@ -116,8 +116,7 @@ class JdtFilter:
         Raises ValueError for a dt that is not positive, for a belief that leaves no particle to search with or
         is not one of this filter's, for states or log ratios that are not a number, and an `rng` that is no Generator.
         """
-        if not 0.0 < dt < float("inf"):
-            raise ValueError(f"dt must be positive and finite, not {dt}")
+        check_positive(dt, "dt")
         check_rng(rng)
         if self.form == "marginal" and not 0 < len(belief.states) < self.particles:
             raise ValueError(

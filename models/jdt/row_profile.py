@@ -119,8 +119,10 @@ def default_profile(height: float, smallest: float, largest: float, speed: float
     those lie two standard deviations out; velocities around zero along x and half of `speed` (px/s)
     downwards, with `speed` two standard deviations above zero.
 
-    Raises ValueError for sizes that are not positive or the wrong way round, and a negative speed.
+    Raises ValueError for a height or sizes that are not positive, sizes the wrong way round, and a negative speed.
     """
+    if not 0.0 < height < float("inf"):
+        raise ValueError(f"height must be positive and finite, not {height}")
     if not 0.0 < smallest <= largest < float("inf") or not 0.0 <= speed < float("inf"):
         raise ValueError(
             f"smallest and largest must be positive sizes in this order and speed not negative, "

@@ -266,3 +266,17 @@ def test_several_objects_run_too() -> None:
     assert len(ran) == 3
     with pytest.raises(ValueError, match="rng must be"):
         multi.step(multi.start(NEW(1)), flat(0.0), None, DT, 1)
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.1, float("nan"), [0.1, 0.1], None])
+def test_a_time_step_is_a_positive_number(dt: Any) -> None:
+    jdt, likelihood = make_filter(particles=50), HistogramLikelihood(EVEN, 1.0, 2.0, 1.0, 3.0)
+    with pytest.raises(ValueError, match="dt must be positive and finite, not"):
+        list(jdt.run([given(80, 100)], region(), likelihood, dt, NEW(1)))
+
+
+def test_noise_and_height_have_a_sign() -> None:
+    with pytest.raises(ValueError, match="position_noise of RandomWalk must not be negative, not -1"):
+        RandomWalk("walk", -1.0)
+    with pytest.raises(ValueError, match="height must be positive and finite, not -80"):
+        default_profile(-80, 8, 12, 10)

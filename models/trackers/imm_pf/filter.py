@@ -35,7 +35,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from lumpwatch.models.checks import as_finite, check_rng, check_shape
+from lumpwatch.models.checks import as_finite, check_positive, check_rng, check_shape
 from lumpwatch.models.jdt.motion import MotionModel, move_by_label
 from lumpwatch.models.jdt.resampling import Resampler, systematic
 from lumpwatch.models.state import SIZE, Estimate, Labels, States
@@ -196,8 +196,7 @@ def predict_all(
 
     Raises ValueError for a dt that is not positive and finite.
     """
-    if not 0.0 < dt < float("inf"):
-        raise ValueError(f"dt must be positive and finite, not {dt}")
+    check_positive(dt, "dt")
     return move_by_label(models, states, labels, dt, rng)
 
 

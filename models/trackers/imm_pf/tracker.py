@@ -20,7 +20,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from lumpwatch.models.checks import check_rng, check_shape
+from lumpwatch.models.checks import check_positive, check_rng, check_shape
 from lumpwatch.models.jdt.motion import MotionModel
 from lumpwatch.models.roi import Image
 from lumpwatch.models.state import SIZE, VX, VY, H, States, X, Y
@@ -91,8 +91,7 @@ class ImmPfTracker:
 
     def advance(self, seen: PictureGrids, dt: float) -> tuple[TrackedObject, ...]:
         """The same for a picture that was looked at already."""
-        if not 0.0 < dt < float("inf"):
-            raise ValueError(f"dt must be positive and finite, not {dt}")
+        check_positive(dt, "dt")
         self._update(seen, dt)
         self._end(seen, dt)
         confirmed = [target for target in self._targets if target.confirmed]

@@ -30,6 +30,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from lumpwatch.models.checks import check_positive
 from lumpwatch.models.trackers.jpda import colour
 from lumpwatch.models.trackers.jpda.association import Association, associate, associate_star
 from lumpwatch.models.trackers.jpda.edges import centres, cut_by_edge
@@ -152,8 +153,7 @@ class JpdaTracker:
             raise ValueError(f"boxes must be (n, 4), not {boxes.shape}")
         if not np.all(np.isfinite(boxes)) or np.any(boxes[:, 2:] <= 0.0):
             raise ValueError("boxes must be finite and have a width and a height")
-        if not 0.0 < dt < float("inf"):
-            raise ValueError(f"dt must be positive and finite, not {dt}")
+        check_positive(dt, "dt")
         if picture is not None and picture.shape[:2] != self._shape:
             raise ValueError(f"the picture must be {self._shape}, not {picture.shape}")
         return boxes
