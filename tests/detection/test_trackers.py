@@ -75,7 +75,7 @@ def test_what_covers_the_lens_does_not_become_background(kind: str, foreground: 
 
         show(empty, 60)
         detector.learns = learns
-        show(cover, 300)
+        show(cover, 160)
         detector.learns = False
         mask = detector._foreground.apply(detector.roi.cut(cover))
         seen[learns] = float((mask > 0).mean())
