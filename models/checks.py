@@ -24,7 +24,7 @@ def check_rng(rng: object, name: str = "rng") -> None:
 
 def check_positive(value: object, name: str) -> None:
     """A number that is positive and finite."""
-    if not isinstance(value, Real) or not 0.0 < value < float("inf"):
+    if not isinstance(value, Real) or not 0.0 < float(value) < float("inf"):
         raise ValueError(f"{name} must be positive and finite, not {value}")
 
 

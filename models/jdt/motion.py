@@ -18,8 +18,8 @@ Sources: paper 1, section 4; paper 2, Eq. 10-12; Bar-Shalom, Li, Kirubarajan (20
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from math import sqrt
 from typing import Protocol
 
@@ -65,10 +65,11 @@ class AffineModel:
 
     def __post_init__(self) -> None:
         """Of dataclasses: raises ValueError where a noise is negative or not finite."""
-        for field in fields(self) if is_dataclass(self) else ():
-            noise = getattr(self, field.name)
-            if field.name.endswith("_noise") and not 0.0 <= noise < float("inf"):
-                raise ValueError(f"{field.name} of {type(self).__name__} must not be negative, not {noise}")
+        names: Iterable[str] = getattr(self, "__dataclass_fields__", ())
+        for name in names:
+            noise = getattr(self, name)
+            if name.endswith("_noise") and not 0.0 <= noise < float("inf"):
+                raise ValueError(f"{name} of {type(self).__name__} must not be negative, not {noise}")
 
     def law(self, dt: float) -> Law:
         """The coefficients for a step of `dt` seconds."""
