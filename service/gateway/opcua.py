@@ -79,6 +79,17 @@ class _Rules(PermissionRuleset):  # type: ignore[misc]
         return action_type in self._all and (action_type != self._CALLS or role is UserRole.User)
 
 
+def _encrypt_passwords(server: Server) -> None:
+    """Ask for passwords that are encrypted for the server as well.
+
+    asyncua says that an encrypted connection is enough; clients may refuse to send a password without a policy.
+    """
+    for endpoint in server.iserver.endpoints:
+        for token in endpoint.UserIdentityTokens:
+            if token.TokenType is ua.UserTokenType.UserName:
+                token.SecurityPolicyUri = endpoint.SecurityPolicyUri
+
+
 class OpcUaServer:
     """Serves one site."""
 
@@ -119,6 +130,7 @@ class OpcUaServer:
         try:
             await self._build()
             await self._server.start()
+            _encrypt_passwords(self._server)
         except Exception as error:
             raise GatewayError(f"gateway.opcua: cannot serve {self._config.listen} ({error})") from error
         self._tasks = [asyncio.create_task(self._write()), asyncio.create_task(self._tell())]
@@ -214,7 +226,9 @@ class OpcUaServer:
                 region = regions.get(of)
                 status = ua.StatusCodes.Good if last in _JUDGES or region is None else _STATUS[region.why]
                 if status == ua.StatusCodes.Good and value is None:
-                    status = ua.StatusCodes.GoodNoData
+                    status = (
+                        ua.StatusCodes.BadNoData
+                    )  # with a good one asyncua takes no null: the last would stay
                 if self._told.get(name) != (value, status):
                     self._told[name] = value, status
                     await self._set(name, value, status, fraction, region)
@@ -233,7 +247,12 @@ class OpcUaServer:
         told = ua.DataValue(
             variant, ua.StatusCode(status), SourceTimestamp=source, ServerTimestamp=datetime.now(UTC)
         )
-        await self._server.write_attribute_value(self._nodes[name].nodeid, told)
+        space, node = self._server.iserver.aspace, self._nodes[name].nodeid
+        taken = await space.write_attribute_value(node, ua.AttributeIds.Value, told)
+        if not taken.is_good():
+            log.error("opcua: %s: a value was not taken (%s)", name, taken.name)
+            nothing = ua.DataValue(ua.Variant(), ua.StatusCode(ua.StatusCodes.BadInternalError))
+            await space.write_attribute_value(node, ua.AttributeIds.Value, nothing)
 
     def _queue(self, name: str, payload: bytes) -> None:
         if self._events.full():

@@ -1,9 +1,10 @@
-"""OPC UA by a real client, over a policy that encrypts, with users. Server and client are both asyncua."""
+"""OPC UA by real clients, over a policy that encrypts, with users: asyncua as the server is, and open62541."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib.util
 import shutil
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,8 @@ import pytest
 from lumpwatch.service.core import Decision
 from lumpwatch.service.errors import ConfigError
 from tests.bus.test_bus_access import make
+from tests.bus.test_bus_support import eventually as wait_until
+from tests.gateway.open62541 import Open62541
 from tests.gateway.site import CONFIG, Gateway, Plant, config, lump
 from tests.integration.site import free_port
 
@@ -79,6 +82,11 @@ async def value(client: Any, name: str) -> Any:
     return await node(client, f"cam/apron/{name}").read_data_value(raise_on_bad_status=False)
 
 
+def told(found: Any) -> Any:
+    """The value; None: there is none."""
+    return found.Value.Value
+
+
 def test_values_carry_status_and_source_time(live: tuple[Plant, Gateway, Path]) -> None:
     plant = live[0]
 
@@ -93,7 +101,20 @@ def test_values_carry_status_and_source_time(live: tuple[Plant, Gateway, Path]) 
             assert existence.Value.Value == pytest.approx(0.02)
             assert existence.StatusCode.is_good()
             assert existence.SourceTimestamp is not None
-            assert lip.Value.Value is None
+            assert (told(lip), lip.StatusCode.name) == (None, "BadNoData")
+            plant.decision, plant.objects = Decision.LUMP, (lump(),)
+
+            async def large() -> bool:
+                return told(await value(client, "largest")) == 812
+
+            await eventually(large)
+            plant.decision, plant.objects = Decision.CLEAR, ()
+
+            async def none() -> bool:
+                return told(await value(client, "largest")) is None
+
+            await eventually(none)
+            assert (await value(client, "largest")).StatusCode.name == "BadNoData"
             before = (await value(client, "heartbeat")).Value.Value
 
             async def beats() -> bool:
@@ -108,11 +129,47 @@ def test_values_carry_status_and_source_time(live: tuple[Plant, Gateway, Path]) 
             await eventually(silent)
             lost = await value(client, "existence")
             assert lost.StatusCode.name == "BadNoCommunication"
-            assert lost.Value.Value is None
+            assert told(lost) is None
             plant.beating = True
             await eventually(good)
 
     run_apart(look())
+
+
+def test_by_open62541_a_client_of_other_make_sees_the_same_acknowledges_and_writes_nothing(
+    live: tuple[Plant, Gateway, Path],
+) -> None:
+    if importlib.util.find_spec("o6") is None:
+        pytest.skip("o6 is not installed: pip install o6")
+    plant, gateway, folder = live
+    names = ("quality", "existence", "largest", "heartbeat")
+
+    with Open62541(gateway.address, folder / "certs", "hmi", "hmi", "secret") as client:
+
+        def read() -> dict[str, dict[str, Any]]:
+            return dict(
+                zip(names, client.ask("read", *(f"ns=2;s=cam/apron/{one}" for one in names)), strict=True)
+            )
+
+        wait_until(lambda: read()["quality"]["value"] == 192)
+        first = read()
+        assert first["existence"] == {"value": pytest.approx(0.02), "status": 0, "dated": True}
+        assert (first["largest"]["value"], first["largest"]["status"]) == (
+            None,
+            asyncua.ua.StatusCodes.BadNoData,
+        )
+        wait_until(lambda: read()["heartbeat"]["value"] > first["heartbeat"]["value"])
+        plant.decision, plant.objects = Decision.LUMP, (lump(),)
+        wait_until(lambda: read()["largest"]["value"] == 812)
+        assert client.ask("call", "ns=2;s=cam/apron", "acknowledge", "lump") == [0, ""]
+        assert plant.deeds[-1] == ("ack", {"actor": "plc", "class": "lump"})
+        assert client.ask("write", "ns=2;s=cam/apron/quality", 0) == "BAD_USER_ACCESS_DENIED"
+        plant.beating = False
+        wait_until(lambda: read()["quality"]["value"] == 0)
+        lost = read()["existence"]
+        assert (lost["value"], lost["status"]) == (None, asyncua.ua.StatusCodes.BadNoCommunication)
+        plant.beating = True
+    plant.decision, plant.objects, plant.alarms = Decision.CLEAR, (), {}
 
 
 def test_users_acknowledge_and_shelve_and_others_only_read(live: tuple[Plant, Gateway, Path]) -> None:
