@@ -7,7 +7,6 @@ import json
 import logging
 import math
 import os
-import signal
 import sys
 import threading
 import time
@@ -21,6 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from lumpwatch.service.config import CameraConfig, RoiConfig, SiteConfig
 from lumpwatch.service.core import log_level
 from lumpwatch.service.errors import ConfigError
+from lumpwatch.service.signals import on_end_signals
 
 log = logging.getLogger(__name__)
 
@@ -118,13 +118,5 @@ class ProgressFile:
 def stop_on_signals() -> threading.Event:
     """An event that SIGINT and SIGTERM set; a second signal ends the process at once."""
     stop = threading.Event()
-
-    def handle(number: int, frame: object) -> None:
-        if stop.is_set():
-            sys.exit(130)
-        # By another thread: the one that is interrupted may hold the event's lock.
-        threading.Thread(target=stop.set, name="stop").start()
-
-    signal.signal(signal.SIGINT, handle)
-    signal.signal(signal.SIGTERM, handle)
+    on_end_signals(stop.set, lambda: sys.exit(130))
     return stop

@@ -21,7 +21,7 @@ from lumpwatch.service.core import log_to_stderr
 from lumpwatch.service.errors import LumpwatchError
 from lumpwatch.service.hub import memory
 from lumpwatch.service.protocol import COMMANDS
-from lumpwatch.service.telemetry import DaemonConnection, HubMetrics
+from lumpwatch.service.telemetry import DaemonConnection, HubMetrics, resident_bytes
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def run_hub(config: BusConfig, connection: Connection) -> None:
     log_to_stderr()
     registry = CollectorRegistry()
     daemon = DaemonConnection(connection, registry)
-    metrics = HubMetrics(registry, memory.resident)
+    metrics = HubMetrics(registry)
     try:
         bus = _listen(config, daemon)
     except LumpwatchError as error:
@@ -79,7 +79,7 @@ class Allowance:
     def __init__(
         self,
         most: int,
-        resident: Callable[[], int] = memory.resident,
+        resident: Callable[[], int] = resident_bytes,
         trim: Callable[[], None] = memory.give_back,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

@@ -27,26 +27,22 @@ def give_back() -> None:
         ctypes.CDLL(None).malloc_trim(0)
 
 
-def resident(status: Path = STATUS) -> int:
-    """Bytes that this process has in memory; 0 where that is not known."""
-    return _read("VmRSS", status)
-
-
 def forbid_growth(by: int, status: Path = STATUS) -> None:
     """From now on this process cannot have more than `by` bytes on top of what it has: asking for more ends it.
 
     No core is written then: it would hold what was on the bus.
     """
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    if has := _read("VmData", status):
+    if has := _data(status):
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
         most = has + by if hard == resource.RLIM_INFINITY else min(has + by, hard)
         resource.setrlimit(resource.RLIMIT_DATA, (most, most))
 
 
-def _read(name: str, status: Path) -> int:
+def _data(status: Path) -> int:
+    """Bytes of data that this process has asked for; 0 where that is not known."""
     try:
-        found = re.search(rf"^{name}:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
+        found = re.search(r"^VmData:\s*(\d+) kB$", status.read_text(), re.MULTILINE)
     except OSError:
         found = None
     return int(found[1]) << 10 if found else 0

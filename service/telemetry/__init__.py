@@ -15,6 +15,7 @@ from lumpwatch.service.telemetry.hub import HubMetrics
 from lumpwatch.service.telemetry.monitor import MonitorMetrics
 from lumpwatch.service.telemetry.older_names import OLDER
 from lumpwatch.service.telemetry.picture import PictureMetrics
+from lumpwatch.service.telemetry.process import resident_bytes
 from lumpwatch.service.telemetry.proof import ProofMetrics
 from lumpwatch.service.telemetry.relay import Relay
 from lumpwatch.service.telemetry.shadow import ShadowMetrics
@@ -35,5 +36,6 @@ __all__ = [
     "ShadowMetrics",
     "TelemetryServer",
     "Worker",
+    "resident_bytes",
     "work",
 ]

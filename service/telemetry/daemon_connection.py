@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 import threading
 import time
@@ -19,6 +18,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from prometheus_client import CollectorRegistry, generate_latest
+
+from lumpwatch.service.signals import on_end_signals
 
 REPORT_EVERY_S = 0.5
 STARTING = "starting"
@@ -86,13 +87,7 @@ class DaemonConnection:
         A terminal sends them to every process, and so do managers of services: a worker that died of them at once would
         leave undone what the daemon gives it time for.
         """
-
-        def end(*_: object) -> None:
-            # By another thread: the one that is interrupted may hold the event's lock.
-            threading.Thread(target=self._end, name="end", daemon=True).start()
-
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, end)
+        on_end_signals(self._end)
 
     def report_soon(self) -> None:
         """Report now, not only when it is time: somebody waits for what has changed."""

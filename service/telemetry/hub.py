@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from prometheus_client import CollectorRegistry, Counter, Gauge
+from prometheus_client import CollectorRegistry, Counter
 
 from lumpwatch.service.bus import Burden, CutOff
 from lumpwatch.service.telemetry.process import ProcessMetrics
@@ -21,12 +21,8 @@ _WHY = {
 class HubMetrics:
     """Metrics of the hub."""
 
-    def __init__(self, registry: CollectorRegistry, resident: Callable[[], int] = lambda: 0) -> None:
-        """`resident` gives the bytes that the process has in memory."""
+    def __init__(self, registry: CollectorRegistry) -> None:
         ProcessMetrics(registry, "", "hub")
-        Gauge(
-            "lumpwatch_bus_hub_memory_bytes", "Memory of the hub's process.", registry=registry
-        ).set_function(resident)
         self._cut_off = Counter(
             "lumpwatch_bus_sessions_cut_off",
             "Sessions that the hub ended; reason slow: they did not read what waited for them, loud: they may only "

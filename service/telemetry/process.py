@@ -36,8 +36,8 @@ class ProcessMetrics(Collector):
             "Memory of a worker process that is in RAM; what processes share counts in each.",
             labels=_LABELS,
         )
-        if (pages := _resident_pages()) is not None:
-            memory.add_metric(self._values, pages * os.sysconf("SC_PAGE_SIZE"))
+        if has := resident_bytes():
+            memory.add_metric(self._values, has)
         yield memory
         began = GaugeMetricFamily(
             "lumpwatch_process_start_timestamp_seconds", "When a worker process began.", labels=_LABELS
@@ -50,8 +50,9 @@ class ProcessMetrics(Collector):
         return []
 
 
-def _resident_pages() -> int | None:
+def resident_bytes(statm: Path = _MEMORY) -> int:
+    """Bytes that this process has in memory; 0 where the system does not tell."""
     try:
-        return int(_MEMORY.read_text(encoding="ascii").split()[1])
+        return int(statm.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, IndexError):
-        return None
+        return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import subprocess
 import sys
 import time
@@ -15,9 +16,9 @@ import pytest
 
 from lumpwatch.service.bus import open_client
 from lumpwatch.service.config import BusConfig
-from lumpwatch.service.hub import memory, run_hub
+from lumpwatch.service.hub import run_hub
 from lumpwatch.service.hub.hub_process import Allowance
-from lumpwatch.service.telemetry import Report
+from lumpwatch.service.telemetry import Report, resident_bytes
 from tests.bus.test_bus_support import client_config, free_endpoint, hub_config
 
 MIB = 1 << 20
@@ -54,11 +55,11 @@ def test_what_is_taken_beyond_the_start_counts_and_what_is_free_does_not() -> No
 
 
 def test_resident_memory_is_read_and_unknown_is_no_error(tmp_path: Path) -> None:
-    status = tmp_path / "status"
-    status.write_text("Name:\tx\nVmData:\t     8 kB\nVmRSS:\t   81496 kB\n")
-    assert memory.resident(status) == 81496 << 10
-    assert memory.resident(tmp_path / "missing") == 0
-    assert memory.resident() > MIB or sys.platform != "linux"
+    statm = tmp_path / "statm"
+    statm.write_text("200000 20374 500 1 0 9000 0\n")
+    assert resident_bytes(statm) == 20374 * os.sysconf("SC_PAGE_SIZE")
+    assert resident_bytes(tmp_path / "missing") == 0
+    assert resident_bytes() > MIB or sys.platform != "linux"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
@@ -109,7 +110,7 @@ def test_it_listens_survives_signals_and_ends_with_its_daemon() -> None:
     with hub(hub_config(endpoint)) as (process, line):
         running = report(line, "running")
         assert running.problem == ""
-        assert "lumpwatch_bus_hub_memory_bytes" in running.metrics
+        assert 'lumpwatch_process_resident_memory_bytes{camera="",process="hub"}' in running.metrics
         with open_client(client_config(endpoint), wait=False) as client:
             process.terminate()  # as for every process of a service
             with hub(hub_config(endpoint)) as (_, second):
