@@ -190,9 +190,14 @@ class Gateway:
     def start(self) -> None:
         with self._log.open("wb") as out:
             self.process = subprocess.Popen([*LUMPWATCH, "gateway", str(self.file)], stdout=out, stderr=out)
-        eventually(
-            lambda: re.search(rf"{self._serves} on (\S+)", self.log) or self.process.poll() is not None
-        )
+        try:
+            eventually(
+                lambda: re.search(rf"{self._serves} on (\S+)", self.log) or self.process.poll() is not None,
+                60.0,
+            )
+        except AssertionError:
+            self.process.kill()
+            raise
         found = re.search(rf"{self._serves} on (\S+)", self.log)
         assert found is not None, self.log
         self.address = found[1].rstrip('"}')
