@@ -7,9 +7,10 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-# What metrics and Sparkplug B are checked against. Without dependencies: opencv-python would overwrite ours, and
-# pysparkplug asks for an older paho-mqtt, which what is used of it does not need.
-ORACLE := trackeval==1.3.0 pysparkplug==0.6.1
+# What metrics, Sparkplug B and OPC UA are checked against. Without dependencies: opencv-python would overwrite ours, and
+# pysparkplug asks for an older paho-mqtt, which what is used of it does not need. o6 is open62541 for Python; it is not free
+# software (without a licence it may run for ten minutes at a time), so nothing but two tests knows it.
+ORACLE := trackeval==1.3.0 pysparkplug==0.6.1 o6==2.2.0
 
 # What some tests need beside Python: a third-party RTSP server, Prometheus with its checker, Alertmanager, a Modbus
 # master, an MQTT broker, and

@@ -1,8 +1,8 @@
 """A small convolutional net that looks at a picture once and gives maps: where bodies are, and how far they reach.
 
 The grey picture is halved, freed of its local mean and contrast, and folded so that the four pixels of a 2 x 2 block
-become four channels of one cell: a cell is `STRIDE` pixels of the picture wide. Layers at one, two and four cells a
-step follow, joined again on the way back (U-net: Ronneberger, Fischer, Brox 2015). For each cell the net tells
+become four channels of one cell: a cell is `STRIDE` pixels of the picture wide. Layers at one, two, four and eight
+cells a step follow, joined again on the way back (U-net: Ronneberger, Fischer, Brox 2015). For each cell the net tells
 
     body        the logit that the cell lies on a body with an outline, of whatever size
     edge        the logit that an outline passes through it
@@ -15,23 +15,23 @@ What a body is made of does not matter, and neither does its size: what is large
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from lumpwatch.models.likelihood import onnx
+from lumpwatch.models.likelihood.runtime import OnnxModel
 from lumpwatch.models.roi import Image
 
 STRIDE = 4
 """Pixels of the picture in a cell, each way."""
 REACH = 4.0
 """Added to distances before their logarithm, px."""
-STEM, FINE, MIDDLE, DEEP = 4, 16, 32, 48
-"""Channels of what goes in, and of the layers at one, two and four cells a step."""
+STEM, FINE, MIDDLE, DEEP, DEEPEST = 4, 16, 48, 64, 96
+"""Channels of what goes in, and of the layers at one, two, four and eight cells a step."""
 HEADS = ("body", "edge", "left", "upper", "right", "lower")
-_ROUND = 4 * STRIDE
+_ROUND = 8 * STRIDE
 _WINDOW = 49  # halved pixels over which mean and contrast are taken
 _LEAST_CONTRAST = 2.0  # grey levels
 
@@ -41,6 +41,8 @@ Weights = Mapping[str, NDArray[np.float32]]
 SHAPES: dict[str, tuple[int, int, int]] = {
     "stem": (FINE, STEM, 3), "fine": (FINE, FINE, 3), "down": (MIDDLE, FINE, 3), "middle": (MIDDLE, MIDDLE, 3),
     "deeper": (DEEP, MIDDLE, 3), "deep0": (DEEP, DEEP, 3), "deep1": (DEEP, DEEP, 3), "deep2": (DEEP, DEEP, 3),
+    "deepest": (DEEPEST, DEEP, 3), "deepest0": (DEEPEST, DEEPEST, 3), "deepest1": (DEEPEST, DEEPEST, 3),
+    "rise": (DEEP, DEEPEST, 1), "gathered": (DEEP, DEEP, 3),
     "up": (MIDDLE, DEEP, 1), "joined": (MIDDLE, MIDDLE, 3), "upper": (FINE, MIDDLE, 1), "finish": (FINE, FINE, 3),
     "heads": (len(HEADS), FINE, 1),
 }  # fmt: skip
@@ -70,7 +72,7 @@ def normalised(gray: Image) -> NDArray[np.float32]:
 
 
 class Net:
-    """Runs the net by OpenCV's dnn module; the same picture gives the same bytes."""
+    """Runs the net; the same picture gives the same bytes."""
 
     def __init__(self, weights: Weights) -> None:
         """Raises ValueError where a layer is missing or has another shape."""
@@ -79,13 +81,12 @@ class Net:
                 out,
             ):
                 raise ValueError(f"layer {name} of the net has another shape")
-        self._net: Any = cv2.dnn.readNetFromONNX(np.frombuffer(_graph(weights), np.uint8))
+        self._model = OnnxModel(_graph(weights))
 
     def __call__(self, gray: Image) -> NDArray[np.float32]:
         """The maps of a picture (h, w), in the order of `HEADS`, (6, rows, columns) of cells that cover it."""
         h, w = gray.shape
-        self._net.setInput(normalised(gray)[None])
-        return np.asarray(self._net.forward())[0, :, : -(-h // STRIDE), : -(-w // STRIDE)]
+        return self._model(normalised(gray)[None])[0, :, : -(-h // STRIDE), : -(-w // STRIDE)]
 
 
 class Remembered:
@@ -120,6 +121,12 @@ def _graph(weights: Weights) -> bytes:
     x = layer("deeper", middle, 2)
     for name in ("deep0", "deep1", "deep2"):
         x = graph.add(x, layer(name, x))
+    deep = x
+    x = layer("deepest", deep, 2)
+    for name in ("deepest0", "deepest1"):
+        x = graph.add(x, layer(name, x))
+    x = graph.add(deep, graph.doubled(layer("rise", x, relu=False)))
+    x = graph.add(x, layer("gathered", x))
     x = graph.add(middle, graph.doubled(layer("up", x, relu=False)))
     x = graph.add(x, layer("joined", x))
     x = graph.add(fine, graph.doubled(layer("upper", x, relu=False)))

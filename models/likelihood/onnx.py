@@ -1,4 +1,4 @@
-"""Writes a small convolutional net as an ONNX model, which OpenCV's dnn module reads.
+"""Writes a small convolutional net as an ONNX model, which `lumpwatch.models.likelihood.runtime` runs.
 
 ONNX is a protobuf: a message is a row of fields, each a key (number of the field times 8, plus the kind of what
 follows) and a whole number of variable length, or a length and as many bytes (onnx.proto3, opset 13).

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lumpwatch.models.likelihood import onnx
 from lumpwatch.models.likelihood.net import HEADS, SHAPES, STRIDE, Net, normalised
+from lumpwatch.models.likelihood.runtime import OnnxModel
 from tests.models.net_helpers import random_weights
 
 Array = NDArray[np.float32]
@@ -31,6 +32,10 @@ def naive_conv(x: Array, weight: Array, bias: Array, stride: int) -> NDArray[np.
 
 
 def run(content: bytes, x: Array) -> Array:
+    return OnnxModel(content)(x[None])[0]
+
+
+def by_opencv(content: bytes, x: Array) -> Array:
     net = cv2.dnn.readNetFromONNX(np.frombuffer(content, np.uint8))
     net.setInput(x[None])
     return np.asarray(net.forward())[0]
@@ -44,6 +49,7 @@ def test_convolution(k: int, stride: int) -> None:
     graph = onnx.Graph("x", ("n", 3, "h", "w"))
     content = graph.model(graph.conv("x", weight, bias, stride), ("n", 5, "h", "w"))
     assert run(content, x) == pytest.approx(naive_conv(x, weight, bias, stride), abs=1e-4)
+    assert by_opencv(content, x) == pytest.approx(naive_conv(x, weight, bias, stride), abs=1e-4)
 
 
 def test_other_operations() -> None:
@@ -52,6 +58,7 @@ def test_other_operations() -> None:
     content = graph.model(graph.doubled(graph.add("x", graph.relu("x"))), ("n", 2, "h", "w"))
     expected = np.repeat(np.repeat(x + np.maximum(x, 0), 2, axis=1), 2, axis=2)
     assert run(content, x) == pytest.approx(expected, abs=1e-6)
+    assert by_opencv(content, x) == pytest.approx(expected, abs=1e-6)
 
 
 def naive_net(weights: dict[str, Array], x: Array) -> NDArray[np.float64]:
@@ -73,6 +80,12 @@ def naive_net(weights: dict[str, Array], x: Array) -> NDArray[np.float64]:
     y = bent("deeper", middle, 2)
     for name in ("deep0", "deep1", "deep2"):
         y = y + bent(name, y)
+    deep = y
+    y = bent("deepest", deep, 2)
+    for name in ("deepest0", "deepest1"):
+        y = y + bent(name, y)
+    y = deep + doubled(layer("rise", y))
+    y = y + bent("gathered", y)
     y = middle + doubled(layer("up", y))
     y = y + bent("joined", y)
     y = fine + doubled(layer("upper", y))
@@ -81,7 +94,7 @@ def naive_net(weights: dict[str, Array], x: Array) -> NDArray[np.float64]:
 
 def test_the_net_against_the_naive_one() -> None:
     weights = random_weights(1)
-    gray = np.random.default_rng(1).integers(0, 256, (32, 48)).astype(np.uint8)
+    gray = np.random.default_rng(1).integers(0, 256, (32, 64)).astype(np.uint8)
     expected = naive_net(weights, normalised(gray))
     assert Net(weights)(gray) == pytest.approx(expected, abs=1e-3)
 
@@ -108,10 +121,10 @@ def test_the_same_picture_gives_the_same_bytes_whatever_came_before() -> None:
 
 def test_blocks_become_channels() -> None:
     """Four pixels of the halved picture, row by row, lie in the four channels of one cell."""
-    gray = np.zeros((16, 16), np.uint8)
+    gray = np.zeros((32, 32), np.uint8)
     gray[4:6, 10:12] = 255  # halved: row 2, column 5; the cell in row 1, column 2, lower... upper right pixel
     folded = normalised(gray)
-    assert folded.shape == (4, 4, 4)
+    assert folded.shape == (4, 8, 8)
     assert [int(k) for k in np.unravel_index(folded.argmax(), folded.shape)] == [1, 1, 2]
 
 

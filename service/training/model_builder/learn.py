@@ -115,7 +115,8 @@ def train(
         for group in optimiser.param_groups:
             group["lr"] = rate
         x, maps = next(source)
-        parts = losses(net(x), maps)
+        # The net's maps may be some rows longer than the picture's.
+        parts = losses(net(x)[..., : maps.shape[2], : maps.shape[3]], maps)
         total = parts[0] + _EDGE * parts[1] + _SIDES * parts[2]
         optimiser.zero_grad()
         total.backward()  # type: ignore[no-untyped-call]

@@ -8,7 +8,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from lumpwatch.models.likelihood.net import DEEP, FINE, HEADS, MIDDLE, STEM
+from lumpwatch.models.likelihood.net import DEEP, DEEPEST, FINE, HEADS, MIDDLE, STEM
+
+_SHARE = 0.5
+"""What a deep layer adds counts so much."""
+_SHARED = "deep0", "deep1", "deep2", "deepest0", "deepest1", "gathered"
 
 
 class BodyNet(nn.Module):
@@ -24,6 +28,11 @@ class BodyNet(nn.Module):
         self.deep0 = nn.Conv2d(DEEP, DEEP, 3, padding=1)
         self.deep1 = nn.Conv2d(DEEP, DEEP, 3, padding=1)
         self.deep2 = nn.Conv2d(DEEP, DEEP, 3, padding=1)
+        self.deepest = nn.Conv2d(DEEP, DEEPEST, 3, stride=2, padding=1)
+        self.deepest0 = nn.Conv2d(DEEPEST, DEEPEST, 3, padding=1)
+        self.deepest1 = nn.Conv2d(DEEPEST, DEEPEST, 3, padding=1)
+        self.rise = nn.Conv2d(DEEPEST, DEEP, 1)
+        self.gathered = nn.Conv2d(DEEP, DEEP, 3, padding=1)
         self.up = nn.Conv2d(DEEP, MIDDLE, 1)
         self.joined = nn.Conv2d(MIDDLE, MIDDLE, 3, padding=1)
         self.upper = nn.Conv2d(MIDDLE, FINE, 1)
@@ -47,7 +56,13 @@ class BodyNet(nn.Module):
         middle = x + relu(self.middle(x))
         x = relu(self.deeper(middle))
         for layer in (self.deep0, self.deep1, self.deep2):
-            x = x + 0.5 * relu(layer(x))
+            x = x + _SHARE * relu(layer(x))
+        deep = x
+        x = relu(self.deepest(deep))
+        for layer in (self.deepest0, self.deepest1):
+            x = x + _SHARE * relu(layer(x))
+        x = deep + functional.interpolate(self.rise(x), scale_factor=2.0, mode="nearest")
+        x = x + _SHARE * relu(self.gathered(x))
         x = middle + functional.interpolate(self.up(x), scale_factor=2.0, mode="nearest")
         x = x + relu(self.joined(x))
         x = fine + functional.interpolate(self.upper(x), scale_factor=2.0, mode="nearest")
@@ -58,6 +73,6 @@ class BodyNet(nn.Module):
         """Weights and offsets by name, as they ship; the share of the deep layers is in them."""
         out = {}
         for name, value in self.state_dict().items():
-            factor = 0.5 if name.startswith("deep") and not name.startswith("deeper") else 1.0
+            factor = _SHARE if name.split(".")[0] in _SHARED else 1.0
             out[name.replace(".", "_")] = (factor * value).numpy().astype(np.float32)
         return out
