@@ -32,7 +32,7 @@ COMPOSITES, SIMULATED = 24, 10
 PICTURES = 500, 400
 """In each of them."""
 FIRST_SEEDS = 1000, 3000
-STEPS = 11_000
+STEPS = 20_000
 HEAD_EVERY, SITES_EVERY = 4, 4
 """One in so many pictures teaches the score of boxes."""
 
