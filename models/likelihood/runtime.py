@@ -12,7 +12,7 @@ _ERRORS = 3
 
 
 class OnnxModel:
-    """A model of one input and one output, float32. The same input gives the same bytes on the same kind of processor."""
+    """A model of one input and one output, float32. The same input gives the same bytes on one machine."""
 
     def __init__(self, content: bytes) -> None:
         """`content`: the bytes of the model."""
@@ -22,7 +22,9 @@ class OnnxModel:
         onnxruntime.set_default_logger_severity(_ERRORS)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
-        self._session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        self._session: Any = onnxruntime.InferenceSession(
+            content, options, providers=["CPUExecutionProvider"]
+        )
         self._input: str = self._session.get_inputs()[0].name
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
