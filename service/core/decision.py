@@ -76,6 +76,8 @@ class Trouble(StrEnum):
     """The prior that is set to be used failed in use; the one before, or the stated defaults, stand in for it."""
     EVENT_LOG = "event_log"
     """The event log is not written, or was replaced by another."""
+    RESTARTS = "restarts"
+    """The monitor has ended by itself and been started again several times of late."""
     FEED_SIGNAL = "feed_signal"
     """The plant's signal of the feed has not agreed with what is seen for long."""
 

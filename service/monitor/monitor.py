@@ -57,11 +57,13 @@ from lumpwatch.service.storage import (
     encode_prior,
     event_file,
 )
-from lumpwatch.service.telemetry import DaemonConnection, MonitorMetrics
+from lumpwatch.service.telemetry import RESTARTS_WITHIN_S, DaemonConnection, MonitorMetrics
 
 log = logging.getLogger(__name__)
 
 HEARTBEAT_S = 1.0
+MANY_RESTARTS = 3
+"""A monitor that is the fourth within ten minutes says so: each of them was blind while it started."""
 POLL_EVERY_S = 0.25
 """How often states are decided and published while no frame comes."""
 
@@ -108,6 +110,7 @@ class Monitor:
             metrics=metrics,
         )
         found, at = self._artifacts.first(), clocks()
+        self._began_s = at.monotonic_s
         used = {artifact.roi: artifact.prior for artifact in found if isinstance(artifact, NewPrior)}
         self._pipeline = CameraPipeline(
             self._camera,
@@ -349,7 +352,16 @@ class Monitor:
 
     def _update_troubles(self) -> None:
         self._rivals.frames(self._inbox.foreign)
-        of_camera = {**self._rivals.troubles(), Trouble.EVENT_LOG: self._events.trouble}
+        of_camera = {
+            **self._rivals.troubles(),
+            Trouble.EVENT_LOG: self._events.trouble,
+            Trouble.RESTARTS: self._restarts_often(),
+        }
         for roi in self._rois:
             for trouble, present in (*self._proofs.troubles(roi).items(), *of_camera.items()):
                 self._pipeline.trouble(roi, trouble, present=present)
+
+    def _restarts_often(self) -> bool:
+        """Whether monitors of this camera ended again and again, and this one has not yet held for long."""
+        calm_s = self._clocks().monotonic_s - self._began_s
+        return self._daemon.restarts >= MANY_RESTARTS and calm_s < RESTARTS_WITHIN_S

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 
-from lumpwatch.service.telemetry import Report
+from lumpwatch.service.telemetry import Report, Restarts
 
 log = logging.getLogger(__name__)
 
@@ -38,6 +38,11 @@ class ReportReader:
         with self._lock:
             newest, self._newest = self._newest, None
         return newest
+
+    def tell(self, restarts: Restarts) -> None:
+        """Tell the worker how often those before it ended; nothing where its line is closed."""
+        with self._lock, contextlib.suppress(OSError, ValueError):
+            self._connection.send(restarts)
 
     def ask_to_stop(self) -> None:
         """Tell the worker to end; nothing where its line is closed."""

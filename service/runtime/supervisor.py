@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import multiprocessing
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -16,7 +17,16 @@ from typing import Any, Protocol
 
 from lumpwatch.service.runtime.ends import how_ended
 from lumpwatch.service.runtime.report_reader import ReportReader
-from lumpwatch.service.telemetry import GRACE_S, STARTING, Relay, Report, Worker, work
+from lumpwatch.service.telemetry import (
+    GRACE_S,
+    RESTARTS_WITHIN_S,
+    STARTING,
+    Relay,
+    Report,
+    Restarts,
+    Worker,
+    work,
+)
 
 log = logging.getLogger(__name__)
 
@@ -106,6 +116,8 @@ class _Running:
     started_s: float
     heard_s: float
     report: Report | None = None
+    asked_to_end: bool = False
+    """Another task takes its place: its end is none of its own."""
 
 
 @dataclass(slots=True)
@@ -117,6 +129,14 @@ class _Keeper:
     undead: list[Process] = field(default_factory=list)
     next_start_s: float = 0.0
     pause_s: float = FIRST_PAUSE_S
+    ends_s: deque[float] = field(default_factory=deque)
+    """When its processes of late ended by themselves."""
+
+    def restarts(self, now: float) -> int:
+        """How many of them within `RESTARTS_WITHIN_S`."""
+        while self.ends_s and now - self.ends_s[0] > RESTARTS_WITHIN_S:
+            self.ends_s.popleft()
+        return len(self.ends_s)
 
 
 class Supervisor:
@@ -178,6 +198,7 @@ class Supervisor:
             if keeper.task.name == task.name:
                 keeper.task = task
                 if keeper.running is not None:
+                    keeper.running.asked_to_end = True
                     keeper.running.reader.ask_to_stop()
 
     def stop(self, within_s: float = GRACE_S) -> tuple[str, ...]:
@@ -220,6 +241,8 @@ class Supervisor:
             return
         log.info("%s runs as process %d", keeper.task.name, process.pid)
         reader = ReportReader(connection, keeper.task.name, self._clock)
+        if restarts := keeper.restarts(now):
+            reader.tell(Restarts(restarts))
         keeper.running = _Running(process, reader, now, now)
 
     def _hear(self, task: Task, running: _Running) -> None:
@@ -245,6 +268,8 @@ class Supervisor:
             keeper.pause_s,
         )
         keeper.running = None
+        if not running.asked_to_end:
+            keeper.ends_s.append(now)
         if not _gone(running.process):
             keeper.undead.append(running.process)
         if len(keeper.undead) >= MOST_UNDEAD:

@@ -4,9 +4,11 @@ from lumpwatch.service.telemetry.camera import CameraMetrics
 from lumpwatch.service.telemetry.daemon import DaemonMetrics
 from lumpwatch.service.telemetry.daemon_connection import (
     GRACE_S,
+    RESTARTS_WITHIN_S,
     STARTING,
     DaemonConnection,
     Report,
+    Restarts,
     Worker,
     work,
 )
@@ -23,6 +25,7 @@ from lumpwatch.service.telemetry.shadow import ShadowMetrics
 __all__ = [
     "GRACE_S",
     "OLDER",
+    "RESTARTS_WITHIN_S",
     "STARTING",
     "CameraMetrics",
     "DaemonConnection",
@@ -33,6 +36,7 @@ __all__ = [
     "ProofMetrics",
     "Relay",
     "Report",
+    "Restarts",
     "ShadowMetrics",
     "TelemetryServer",
     "Worker",

@@ -1,8 +1,8 @@
 """The connection between the daemon and one of its worker processes.
 
 The worker reports once a second from a thread of its own: its metrics, the time of its main loop's
-last beat, and its state. The daemon sends nothing but the request to stop. A worker
-whose daemon is gone stops by itself.
+last beat, and its state. The daemon tells it how often the workers before it ended of late, and asks it to stop. A
+worker whose daemon is gone stops by itself.
 """
 
 from __future__ import annotations
@@ -25,8 +25,18 @@ REPORT_EVERY_S = 0.5
 STARTING = "starting"
 """State of a worker that has not done its work once yet."""
 ORPHANED = "orphaned"
+RESTARTS_WITHIN_S = 600.0
+"""Restarts longer ago are forgotten."""
 GRACE_S = 3.0
 """A worker that has not stopped this long after it was asked ends itself the hard way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Restarts:
+    """What the daemon tells a worker that it had to start again."""
+
+    count: int
+    """How many ends of its like led to a new start within the last `RESTARTS_WITHIN_S`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +65,8 @@ class DaemonConnection:
         self.state = STARTING
         self.decided: dict[str, float] = {}
         self.problem = ""
+        self.restarts = 0
+        """How often the workers before this one ended, within `RESTARTS_WITHIN_S` before it began."""
         self.stop = threading.Event()
         """Set when the worker should end."""
         self._due = threading.Event()
@@ -115,7 +127,8 @@ class DaemonConnection:
 
     def _listen(self) -> None:
         try:
-            self._connection.recv()
+            while isinstance(message := self._connection.recv(), Restarts):
+                self.restarts = message.count
         except (EOFError, OSError):
             self.state = ORPHANED
         self._end()

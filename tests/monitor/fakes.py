@@ -126,6 +126,7 @@ class FakeLink:
         self.state = "starting"
         self.decided: dict[str, float] = {}
         self.beats = 0
+        self.restarts = 0
 
     def beat(self) -> None:
         self.beats += 1

@@ -23,6 +23,7 @@ from lumpwatch.service.core import (
 from lumpwatch.service.monitor.alarm_record import RecordError
 from lumpwatch.service.protocol import COMMANDS
 from lumpwatch.service.storage import PriorStore, event_file, read_events
+from lumpwatch.service.telemetry import RESTARTS_WITHIN_S
 from tests.monitor.fakes import World
 from tests.service_helpers import frame, prior
 
@@ -262,6 +263,22 @@ def test_what_a_proof_test_found_is_the_system_alarm(world: World) -> None:
     world.run(*show(world, 10.0, bright=False))
     (raised,) = [one["data"] for one in world.bus.of("alarm") if one["data"]["class"] == "system"]
     assert (raised["change"], raised["reason"]) == ("raised", "proof_test")
+
+
+@pytest.mark.parametrize(("restarts", "reasons"), [(2, []), (3, ["restarts"])])
+def test_a_monitor_that_ends_again_and_again_is_the_system_alarm(
+    world: World, restarts: int, reasons: list[str]
+) -> None:
+    """Each of them is blind while it starts, and none for as long as the alarm of class `blind` waits."""
+
+    def calm() -> None:
+        world.clock.now_s += RESTARTS_WITHIN_S
+
+    world.daemon.restarts = restarts
+    world.run(*show(world, 8.0, bright=False), then(calm), *show(world, 10.0, bright=False))
+    changes = [one["data"] for one in world.bus.of("alarm") if one["data"]["class"] == "system"]
+    assert [one["reason"] for one in changes if one["change"] == "raised"] == reasons
+    assert [one["change"] for one in changes] == ["raised", "cleared"][: 2 * len(reasons)]
 
 
 def test_a_second_camera_or_monitor_of_the_same_name_is_the_system_alarm(world: World) -> None:

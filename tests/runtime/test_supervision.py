@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+from typing import Any
 
 import pytest
 
@@ -15,7 +16,7 @@ from lumpwatch.service.runtime.supervisor import (
     Supervisor,
     Task,
 )
-from lumpwatch.service.telemetry import Relay, Report
+from lumpwatch.service.telemetry import RESTARTS_WITHIN_S, Relay, Report, Restarts
 from tests.runtime.fakes import FakeProcess, FakeSystem, soon
 from tests.workers import good
 
@@ -92,6 +93,30 @@ def test_one_that_ends_is_started_again_after_a_pause_that_grows_to_a_limit(site
     assert pauses == [FIRST_PAUSE_S, 1.0, 2.0, 4.0, 8.0, *[LONGEST_PAUSE_S] * 3]
     assert site.restarts == [("cam", "camera", "exited")] * 8
     assert all(process.closed for process in site.processes(CAMERA)[:-1])
+
+
+def start_again(site: Site) -> Any:
+    """The monitor ends and is started again; what the new one is told first, None: nothing yet."""
+    many = len(site.processes(MONITOR))
+    site.system.newest(MONITOR).end(3)
+    while len(site.processes(MONITOR)) == many:
+        site.after(0.5)
+    line = site.system.newest(MONITOR).line
+    return line.recv() if line.poll(0) else None
+
+
+def test_a_worker_is_told_how_often_those_before_it_ended_of_late(site: Site) -> None:
+    assert not site.system.newest(MONITOR).line.poll(0)
+    assert [start_again(site) for _ in range(3)] == [Restarts(1), Restarts(2), Restarts(3)]
+    assert not site.system.newest(CAMERA).line.poll(0)
+    site.system.clock.now_s += RESTARTS_WITHIN_S
+    assert start_again(site) == Restarts(1)
+
+
+def test_one_that_another_task_replaces_did_not_end_by_itself(site: Site) -> None:
+    site.supervisor.replace(Task("cam", "monitor", good, (), 10.0))
+    assert site.system.newest(MONITOR).line.recv() == "stop"
+    assert start_again(site) is None
 
 
 def test_half_a_message_holds_up_nobody(site: Site) -> None:
