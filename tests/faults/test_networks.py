@@ -156,6 +156,22 @@ def test_some_packets_are_lost(site: Site, record: Record) -> None:
     )  # fmt: skip
 
 
+def test_most_packets_are_lost(site: Site, record: Record) -> None:
+    if isinstance(site.network, str):
+        pytest.skip(site.network)
+    network = site.network
+    course = run_fault(site, "lossy", lambda: network.lose(0.8), end=lambda: network.lose(0.0))
+    record(
+        row(
+            "80 % of packets lost",
+            "the same link loses as many until BLIND is seen",
+            "frames too few to find a lump by",
+            "connects by itself",
+            course,
+        )
+    )
+
+
 def test_all_packets_are_lost(site: Site, record: Record) -> None:
     if isinstance(site.network, str):
         pytest.skip(site.network)
