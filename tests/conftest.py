@@ -38,8 +38,6 @@ def log_of_its_own() -> Iterator[None]:
 
 
 LONG = (
-    "container/test_life.py",
-    "container/test_hardening.py",
     "training/test_training.py",
     "training/test_training_report.py",
     "console/test_console_demo.py",

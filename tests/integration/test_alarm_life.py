@@ -142,17 +142,20 @@ def test_a_monitor_that_is_killed_goes_on_with_its_alarms(tmp_path: Path) -> Non
 
         # Who comes only now sees what happened before the restarts, as it was.
         with AlarmFollower(site.daemon.config, tmp_path / "late.log") as late:
-            wait_for("late joiner", lambda: len(late.records(None)) >= 3, 30)
-            site.changes(3)
+            wait_for("late joiner", lambda: len(late.records(None)) >= 4, 30)
+            site.changes(4)
             assert late.records(None) == site.follower.records(None)
 
-        # Over four lives of the monitor: one record each, in order, on the bus and in the log.
+        # Over four lives of the monitor: one record each, in order, on the bus and in the log; the last tells of them.
         expected = [
             (1, "raised", "UNACKNOWLEDGED"),
             (2, "cleared", "RETURNED"),
             (3, "acknowledged", "NORMAL"),
+            (4, "raised", "UNACKNOWLEDGED"),
         ]
-        assert site.changes(3) == expected
+        assert site.changes(4) == expected
+        restarts = site.follower.records(None)[3]["data"]
+        assert (restarts["class"], restarts["reason"]) == ("system", "restarts")
         events = site.events()
         assert [(one["sequence"], one["change"], one["after"]) for one in events] == expected
         assert [one["id"] for one in events] == [one["id"] for one in site.follower.records(None)]
