@@ -135,7 +135,7 @@ def test_bus_plc_and_browser_are_told_and_the_plc_acknowledges(
     assert told.record("acknowledged").actor == "plc"
     page.wait_for_selector("#strip", state="hidden")
 
-    read = told.registers(decision=1, blocked_alarm=1)
-    assert read["state"] & 1
+    # Decision, alarm and its condition come one after the other; CLEAR needs all three.
+    wait_for("CLEAR", lambda: told.registers(decision=1, blocked_alarm=1)["state"] & 1, 60)
     page.wait_for_selector(".tile[data-status=CLEAR]")
     page.close()
